@@ -10,7 +10,7 @@ import time
 from pathlib import Path
 from typing import IO
 
-LEAST_PYTHON = (3, 11, 2)
+MIN_PYTHON = (3, 11, 2)
 TOLD_S, LOGGED_S = 1.0, 10.0
 """Seconds between two lines of progress, on a terminal and in a log: who waits wants to see that it goes on."""
 
@@ -79,7 +79,7 @@ def how_far(written: list[str], packages: int) -> str:
 
 def main() -> int:
     """Make the environment, step by step; the exit code of what fails."""
-    if sys.version_info < LEAST_PYTHON:
+    if sys.version_info < MIN_PYTHON:
         return _told("Python 3.11.2 or newer is needed, this is " + sys.version.split()[0])
     folder = sys.argv[1]
     python = [folder + "/bin/python"]

@@ -18,7 +18,7 @@ IntArray = NDArray[np.int64]
 
 _SPARE_COLUMNS = 8
 """Columns added when all are in use."""
-_VELOCITY_S, _LEAST_SPREAD_S2 = 0.8, 0.01
+_VELOCITY_S, _MIN_SPREAD_S2 = 0.8, 0.01
 """Time over which a velocity is found, seconds, and the least Σ (t − t̄)² from which it can be."""
 _HOVERS_MPS = 1.0
 """Speed that a camera seems to have which hovers, by what its positions err, m/s."""
@@ -32,7 +32,7 @@ the tracker may have gone on with a neighbour."""
 
 
 def longest_gap_s(gap_max_s: float, t: Sequence[float] | FloatArray) -> float:
-    """After how long out of sight a track may have gone on with another vehicle, seconds.
+    """Return the time out of sight after which a track may have gone on with another vehicle, seconds.
 
     Args:
         gap_max_s: What interpolation bridges, seconds.
@@ -122,7 +122,7 @@ class TrackHistory:
         since = self.first_row_since(self.t[self.n - 1] - _VELOCITY_S)
         t = self.t[since : self.n] - np.mean(self.t[since : self.n])
         spread = float(t @ t)
-        v = t @ self.p[since : self.n] / spread if spread > _LEAST_SPREAD_S2 else np.zeros(3)
+        v = t @ self.p[since : self.n] / spread if spread > _MIN_SPREAD_S2 else np.zeros(3)
         self.v[(since + self.n) // 2 : self.n] = v * max(0.0, 1.0 - _HOVERS_MPS**2 / max(float(v @ v), 1e-9))
         self._speed_mps = None
 

@@ -13,7 +13,7 @@ less often, fewer starts are searched and pairs that are far apart are not compa
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ScheduleParams:
-    """When an update of the estimate is due. Frames between two updates get the names of the last one."""
+    """Schedule of updates of the estimate. Frames between two updates get the names of the last one."""
 
     every_s: float = 0.25
     """Time between updates, seconds. Lower → faster reaction, more processor time."""
@@ -22,17 +22,17 @@ class ScheduleParams:
     begun_factor: float = 0.25
     """Share of that time after which an update is due when a track begins: it should get a name quickly."""
     young_factor: float = 0.5
-    """The same while a track is younger than ``young_s``."""
+    """Share of that time while a track is younger than ``young_s``."""
     young_s: float = 0.5
     """Age up to which a track counts as young, seconds."""
     idle_factor: float = 3.0
     """Factor on that time while the search is locked: the answer hardly changes then."""
     residual_jump_m: float = 1.5
-    """A named track whose distance to its report grows by more than this between two frames, metres, makes an update
-    due at once ..."""
+    """Growth of a named track's distance to its report between two frames, metres, above which an update is due at
+    once."""
     residual_jump_stds: float = 5.0
-    """... while the search is locked only if that is so many 1σ of the reports' white noise too: two of them differ by
-    it once in 500 times."""
+    """Growth, in 1σ of the reports' white noise, that is needed besides while the search is locked: two of them differ
+    by it once in 500 times."""
     full_rate_s: float = 3.0
     """Time after such a jump during which ``idle_factor`` is not applied, seconds."""
     rewind_s: float = 1.0
@@ -41,12 +41,12 @@ class ScheduleParams:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SearchParams:
-    """How much of the space of poses and assignments one update searches."""
+    """Share of the space of poses and assignments that one update searches."""
 
     hypotheses: int = 6
     """Joint hypotheses of pose and assignment that are kept."""
     start_hypotheses: int = 3
-    """How many of them the next update starts from."""
+    """Number of hypotheses that the next update starts from."""
     spread_every: int = 6
     """Every n-th update also starts from the prior's mean, turned and shifted in time."""
     shift_every: int = 3
@@ -55,11 +55,11 @@ class SearchParams:
     shifts: int = 8
     """Shifted starts that are tried."""
     shifts_many: int = 2
-    """The same among more pairs than ``MANY_PAIRS``."""
+    """Shifted starts that are tried among more pairs than ``MANY_PAIRS``."""
     swaps: int = 6
     """Exchanges of two vehicles that are tried on the best hypothesis."""
     swaps_locked: int = 2
-    """The same while the search is locked."""
+    """Exchanges of two vehicles that are tried while the search is locked."""
     extrapolated_max_s: float = 3.0
     """Reports older than this, seconds, are not extrapolated to a pair's first comparison."""
     heading_std: float = float(np.deg2rad(9.0))
@@ -70,7 +70,7 @@ class SearchParams:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LockParams:
-    """When the search counts as locked: the last answer is refined and nothing else is tried."""
+    """Conditions under which the search counts as locked: the last answer is refined and nothing else is tried."""
 
     confidence: float = 0.97
     """Probability from which a track's answer counts as certain."""
@@ -101,11 +101,11 @@ class LearningParams:
     clutter_age_s: float = 2.5
     """Age from which a track that is surely none of ours counts as clutter, seconds."""
     clutter_memory_s: float = 30.0
-    """How long after that clutter is expected, seconds."""
+    """Time after that in which clutter is expected, seconds."""
     spare_tracks: float = 0.5
     """Tracks beyond the vehicles expected in view that do not count as clutter: the expectation is uncertain."""
     offset_tension: float = 1.5
-    """How many σ of its prior the clock offset may be off while the search is locked."""
+    """Number of σ of its prior by which the clock offset may be off while the search is locked."""
     offset_tension_s: float = 3.0
     """Time beyond that limit, seconds, after which the prior is widened to ``unknown_offset_std_s``."""
 
@@ -117,9 +117,9 @@ class IdentifierParams:
     threshold: float = 0.7
     """Least probability for a name. Raise → fewer names, fewer wrong ones."""
     window_s: float = 20.0
-    """How far back the camera's pose is fitted, seconds. Raise → steadier pose, slower frames."""
+    """Time over which the camera's pose is fitted, seconds. Raise → steadier pose, slower frames."""
     locked_window_s: float = 8.0
-    """The same while the search is locked: what is older is settled. Raise → slower frames."""
+    """Equivalent of ``window_s`` while the search is locked: what is older is settled. Raise → slower frames."""
     block_s: float = 1.0
     """Residuals are summarised in blocks of this length, seconds."""
     frame_step_s: float = 0.09
@@ -127,7 +127,7 @@ class IdentifierParams:
     bias_m: float = 1.5
     """Prior 1σ per axis of a vehicle's slowly wandering position error, metres; learnt from confident pairs."""
     bias_tau_s: float = 60.0
-    """Its correlation time, seconds."""
+    """Correlation time of the bias, seconds."""
     mean_floor_m: float = 0.12
     """Least 1σ of a block mean, metres, however many samples: box centre against antenna, lens distortion."""
     pixel_std: float = 1.5
@@ -145,7 +145,7 @@ class IdentifierParams:
     time_offset_std_s: float = 0.06
     """Prior 1σ of video time minus telemetry time, seconds; ``unknown_offset_std_s`` where the offset is unknown."""
     unknown_offset_std_s: float = 0.35
-    """The same for a stream whose offset is unknown or proved to be far from its prior."""
+    """Equivalent of ``time_offset_std_s`` for a stream whose offset is unknown or proved to be far from its prior."""
     prior_log_odds: float = 2.5
     """ln odds, before any evidence, that a track close to a vehicle's report is that vehicle. Lower → more boxes stay
     unnamed at first."""
@@ -160,9 +160,10 @@ class IdentifierParams:
     switch_rate: float = 1e-10
     """Chance per second that an undisturbed track jumps to another vehicle."""
     switch_rate_close: float = 1e-8
-    """The same while another box is near or the track is not being seen."""
+    """Equivalent of ``switch_rate`` while another box is near or the track is not being seen."""
     switch_rate_leap: float = 0.05
-    """The same in a second in which the track moved further than a vehicle can, or over a gap in it."""
+    """Equivalent of ``switch_rate`` in a second in which the track moved further than a vehicle can, or over a gap in
+    it."""
     close_m: float = 3.0
     """Boxes nearer than this, metres, may be swapped by a tracker."""
     stated: float = 40.0
@@ -173,7 +174,8 @@ class IdentifierParams:
     clutter: float = 0.003
     """Chance that a track which moves like one of our vehicles is none, while no more is seen than expected."""
     clutter_seen: float = 0.1
-    """The same for ``clutter_memory_s`` after a track was judged none of ours; else between both by surplus tracks."""
+    """Equivalent of ``clutter`` for ``clutter_memory_s`` after a track was judged none of ours; else between both by
+    surplus tracks."""
     stitch_confidence: float = 0.8
     """Probability of its name from which a lost track may be continued by its vehicle's report."""
     predicted_floor_m2: float = 0.1

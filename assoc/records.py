@@ -27,7 +27,7 @@ class Observation:
     """The tracks of one video frame."""
 
     t_us: int
-    """When the frame was taken, Unix µs."""
+    """Time at which the frame was taken, Unix µs."""
     track_id: IntArray
     """(m,) identity of the track in the image, unique in a frame."""
     ray_cam: FloatArray
@@ -57,7 +57,7 @@ class Observation:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CameraState:
-    """Where the camera was and how it looked, as telemetry has it at the time of the frame."""
+    """Position and attitude of the camera, as telemetry has them at the time of the frame."""
 
     R_enu_cam: FloatArray
     """(3, 3) rotation camera → ENU."""
@@ -82,7 +82,7 @@ class CameraState:
     height_std_m: float = np.nan
     """1σ of the camera's height above the ground, metres; NaN: as the identifier assumes."""
     other_heights_m: tuple[float, ...] = ()
-    """By how much the camera is higher above the ground if other sources of its height are right, metres."""
+    """Amounts by which the camera is higher above the ground if other sources of its height are right, metres."""
     position_std_m: float = np.nan
     """1σ per axis of the camera's level position, metres; NaN: as the identifier assumes."""
 
@@ -169,7 +169,7 @@ class Candidates:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Identities:
-    """Which vehicle each track of a frame is, in the order of the observation."""
+    """Names of the tracks of a frame, in the order of the observation."""
 
     track_id: IntArray
     """(m,)."""
@@ -194,7 +194,7 @@ class Identities:
     conflict: tuple[int, ...]
     """System ids whose reports contradict the video or one another."""
     candidates: Candidates
-    """Who each track may be, also of those that have no name."""
+    """Candidates of each track, also of those that have no name."""
     doubt: IntArray
     """(m,) ``assoc.identification.doubts.AnswerDoubt``: what took most from the answer, 0 nothing."""
 

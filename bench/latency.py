@@ -85,7 +85,7 @@ class _PartTimes:
         return timed
 
     def lap(self, part: str) -> tuple[float, float]:
-        """Time of a part since the last call, s: CPU and wall; it starts anew from 0."""
+        """Time of a part since the last call, s: CPU and wall; it starts again from 0."""
         return self.spent.pop(part, (0.0, 0.0))
 
 

@@ -1,4 +1,4 @@
-"""An annotated film of others as a session: labels and pixels in, an ordinary session folder out.
+"""An annotated film from a public data set as a session: labels and pixels in, an ordinary session folder out.
 
 What the film's camera was and how it flew is not known; a plausible one is made up (``sim.annotated``), with the motion
 that the pixels show. Then the whole product can be measured on real pixels: boxes, tracks and names.
@@ -42,10 +42,11 @@ FPS = 30.0
 CRF = 17
 """Quality of numbered images as video: no difference is seen."""
 OUTSIDE = "outside the image"
-"""Why a label is left out."""
-MOST_OUTSIDE, MOST_UNKNOWN = 0.05, 0.2
-"""Shares of labels outside the image, and of steps whose motion the pixels do not tell, from which on it is said."""
-LEAST_FPS, MOST_FPS = 0.5, 120.0
+"""Reason why a label is left out."""
+MAX_OUTSIDE, MAX_UNKNOWN = 0.05, 0.2
+"""Share of labels outside the image, and of steps whose motion the pixels do not show, from which on there is a
+warning."""
+MIN_FPS, MAX_FPS = 0.5, 120.0
 """Rates that the simulator takes."""
 
 
@@ -65,7 +66,7 @@ class FilmImages(Protocol):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FilmOptions:
-    """The way a film is taken; None: found out or assumed."""
+    """Options for reading a film; None: found out or assumed."""
 
     layout: str = "auto"
     first_frame: int | None = None
@@ -162,7 +163,7 @@ def session_from_film(
     if out.exists():
         raise GcsError(f"{out}: exists already; recordings are never overwritten, give another name")
     tracks = read_tracks(labels, options.layout, options.first_frame)
-    rate, rate_said = _rate(labels, video, options.fps)
+    rate, rate_words = _rate(labels, video, options.fps)
     film: FilmImages = NumberedImages(video, rate) if video.is_dir() else _VideoFilm(_opened(video))
     t = film.seconds()
     if options.duration_s is not None:
@@ -192,15 +193,18 @@ def session_from_film(
     else:
         shutil.copyfile(video, out / f"video{video.suffix.lower()}")
     left = ", ".join(f"{count} {reason}" for reason, count in fitting.left_out.items())
-    told = None if motions is None else sum(H is not None for H in motions[1:])
-    doubts = _doubts(fitting, None if told is None else (told, len(t) - 1))
+    steps_known = None if motions is None else sum(H is not None for H in motions[1:])
+    doubts = _doubts(fitting, None if steps_known is None else (steps_known, len(t) - 1))
     lines = (
         ("labels", f"{len(fitting)} of {made.vehicles} vehicles, read as {fitting.layout}"),
         ("left_out", f"{left or 'nothing'}; {int(fitting.hidden.sum())} mostly hidden are not in the truth"),
-        ("film", f"{len(t)} images of {size[0]}×{size[1]} px, {t[-1]:.1f} s, {rate_said}"),
+        ("film", f"{len(t)} images of {size[0]}×{size[1]} px, {t[-1]:.1f} s, {rate_words}"),
         *((("notes", ", ".join(attributes)),) if attributes else ()),
-        ("camera", ", ".join(camera.said)),
-        ("motion", "none (--static)" if told is None else f"from the pixels in {told} of {len(t) - 1} steps"),
+        ("camera", ", ".join(camera.sources)),
+        (
+            "motion",
+            "none (--static)" if steps_known is None else f"from the pixels in {steps_known} of {len(t) - 1} steps",
+        ),
         ("team", ", ".join(_member(made, index) for index in range(len(made.team)))),
         ("errors", options.errors),
         ("boxes", "the labels" if options.boxes_from_labels else "the detector's, on the film"),
@@ -210,13 +214,13 @@ def session_from_film(
     return FilmReport(lines=lines, film=made)
 
 
-def _doubts(tracks: AnnotatedTracks, told: tuple[int, int] | None) -> list[str]:
-    """Warnings of what may be wrong with labels or film; told: steps whose motion is known, and all of them."""
+def _doubts(tracks: AnnotatedTracks, steps_known: tuple[int, int] | None) -> list[str]:
+    """Warnings of what may be wrong with labels or film; steps_known: steps whose motion is known, and all of them."""
     doubts = []
     outside = tracks.left_out.get(OUTSIDE, 0)
-    if outside > MOST_OUTSIDE * (len(tracks) + outside):
+    if outside > MAX_OUTSIDE * (len(tracks) + outside):
         doubts.append(f"{outside} labels lie outside the image: are they of this film, at this size?")
-    if told is not None and told[0] < (1.0 - MOST_UNKNOWN) * told[1]:
+    if steps_known is not None and steps_known[0] < (1.0 - MAX_UNKNOWN) * steps_known[1]:
         doubts.append("where the pixels do not tell the motion the camera is taken to stand: vehicles may leap there")
     return doubts
 
@@ -239,12 +243,12 @@ def _rate(labels: Path, video: Path, fps: float | None) -> tuple[float, str]:
         if fps is not None:
             raise GcsError(f"{video}: a video file has times of its own; leave --fps out")
         return FPS, "times as in the file"
-    said = "as given"
+    source = "as given"
     if fps is None:
-        fps, said = _sequence_rate(labels)
-    if not LEAST_FPS <= fps <= MOST_FPS:
-        raise GcsError(f"{fps:g} images a second cannot be simulated; give --fps from {LEAST_FPS:g} to {MOST_FPS:g}")
-    return fps, f"{fps:g} a second {said}"
+        fps, source = _sequence_rate(labels)
+    if not MIN_FPS <= fps <= MAX_FPS:
+        raise GcsError(f"{fps:g} images a second cannot be simulated; give --fps from {MIN_FPS:g} to {MAX_FPS:g}")
+    return fps, f"{fps:g} a second {source}"
 
 
 def _sequence_rate(labels: Path) -> tuple[float, str]:

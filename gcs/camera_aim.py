@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class CameraAim:
-    """The camera at the UAV's place."""
+    """Pose and view of the camera at the UAV's position."""
 
     R_enu_cam: NDArray[np.float64]
     """(3, 3) camera vectors (x right, y down, z forward) into ENU, as corrected by what is seen."""

@@ -10,8 +10,8 @@ from typing import Final
 
 CONFIRMED: Final = 0.9
 """Confidence from which a name counts as confirmed; below, it is tentative."""
-_MOST_PERCENT: Final = 99
-"""No evidence is ever certain."""
+_MAX_PERCENT: Final = 99
+"""Highest percentage that is shown: no evidence is ever certain."""
 _ROUNDING: Final = 1e-9
 """0.29 in binary is a little less than 29 hundredths."""
 
@@ -25,7 +25,7 @@ def certainty(confidence: float) -> str:
     """
     if not math.isfinite(confidence):
         return ""
-    return f"{min(math.floor(100 * confidence + _ROUNDING), _MOST_PERCENT)}%"
+    return f"{min(math.floor(100 * confidence + _ROUNDING), _MAX_PERCENT)}%"
 
 
 def named(standing: str, confidence: float, *, stated: bool = False) -> str:

@@ -27,7 +27,7 @@ class SessionError(GcsError):
 
 
 class ImportFileError(GcsError):
-    """A file of others that cannot be read as what it should be, or files that do not fit each other."""
+    """A file from another program that cannot be read as what it should be, or files that do not fit each other."""
 
 
 class FlightError(GcsError):

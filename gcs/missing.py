@@ -6,10 +6,10 @@ from typing import Final
 
 from gcs.snapshot import Box, Snapshot
 
-LEAST: Final = 0.1
-"""Probability from which it is told: a missing vehicle has a larger share in every box that it may be."""
+MIN_CONFIDENCE: Final = 0.1
+"""Probability from which it is reported: a missing vehicle has a larger share in every box that it may be."""
 ALIKE: Final = 0.05
-"""One that is likelier by less is not told alone: nothing tells them apart."""
+"""Difference of confidence from the likeliest within which others are named with it: nothing tells them apart."""
 
 
 def may_be(snapshot: Snapshot, box: Box) -> str:
@@ -22,7 +22,7 @@ def may_be(snapshot: Snapshot, box: Box) -> str:
     """
     if box.system_id or box.stated:
         return ""
-    missing = [each for each in box.candidates if each.missing and each.confidence >= LEAST]
+    missing = [each for each in box.candidates if each.missing and each.confidence >= MIN_CONFIDENCE]
     least = max((each.confidence for each in missing), default=0.0) - ALIKE
     alike = [each for each in missing if each.confidence > least]
     if len(alike) < 2:

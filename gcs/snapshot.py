@@ -34,7 +34,10 @@ Standing = Literal[
 NAMED: Final[frozenset[Standing]] = frozenset({"confirmed", "tentative", "coasting"})
 """Standings of a vehicle that has a box in the picture."""
 Reported = Literal["", "then", "now"]
-"""In a replay: only the flight reported it (``then``), or only the replay does (``now``); empty: both, or no replay."""
+"""Origin of something in a replay: only the flight reported it (``then``), or only the replay does (``now``); empty:
+both, or no replay."""
+OF_A_CAMERA: Final = frozenset({"camera", "identity", "video"})
+"""Kinds of alarms and events that are about one camera, and not about the fleet that all of them see."""
 
 
 def _nowhere() -> NDArray[np.float64]:
@@ -49,12 +52,12 @@ class Statement:
     system_id: int
     """System id of the vehicle, 0 none of ours."""
     frame: int = -1
-    """From which frame on it counts, -1 not yet."""
+    """Frame from which on the statement counts, -1 not yet."""
     cx: float = NAN
     cy: float = NAN
     """Place of the box in that frame, px, NaN unknown: a replay that tracks otherwise finds it there."""
     undone: bool = False
-    """It is withdrawn with this frame."""
+    """True if the statement is withdrawn with this frame."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -71,19 +74,15 @@ class FleetChange:
     """The newest frame then, -1 none."""
 
 
-OF_A_CAMERA: Final = frozenset({"camera", "identity", "video"})
-"""Kinds of alarms and events that are about one camera, and not about the fleet that all of them see."""
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Event:
-    """Something that happened and that an operator or an analyst may want to know."""
+    """Event that an operator or an analyst may want to know of."""
 
     t_us: int
     level: Level
     kind: str
-    """One word for filters: ``link``, ``vehicle``, ``camera``, ``text``, ``identity``, ``video``, ``recording``,
-    ``operator``, ``mark``, ``program``."""
+    """Kind in one word, for filters: ``link``, ``vehicle``, ``camera``, ``text``, ``identity``, ``video``,
+    ``recording``, ``operator``, ``mark``, ``program``."""
     text: str
     """Plain text, possibly from the air: never markup; a vehicle's own words begin with its name and ``says:``."""
     system_id: int = 0
@@ -92,7 +91,7 @@ class Event:
     alarm_level: Level | Literal[""] = ""
     """The level of the alarm that comes or is over, empty where none does."""
     over: bool = False
-    """That alarm is over."""
+    """True if that alarm is over."""
     reported: Reported = ""
     statement: Statement | None = None
     """Statement that the operator made or withdrew with it; a replay does so at the same frame."""
@@ -116,7 +115,7 @@ class Event:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Alarm:
-    """Something that is wrong now, until it is over; it is reported once when it comes and once when it goes."""
+    """Trouble that lasts until it is over; it is reported once when it comes and once when it goes."""
 
     key: str
     """Key of what it is about: the same trouble of the same thing always has the same one."""
@@ -132,10 +131,10 @@ class Alarm:
     vehicles: tuple[int, ...] = ()
     """System ids of all that it is about, where it is not one vehicle's."""
     doubts_name: bool = False
-    """Nobody is to act on that vehicle's name meanwhile."""
+    """True if nobody is to act on that vehicle's name meanwhile."""
     reported: Reported = ""
     acknowledged: bool = False
-    """In a replay: the operator had acknowledged it in flight."""
+    """True if the operator had acknowledged it in flight, in a replay."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -165,9 +164,9 @@ class VehicleRow:
     """True if the reported position is in view; None when the camera's pose is unknown."""
     standing: Standing = "no position"
     standing_since_us: int = 0
-    """Since when it has this standing, 0 unknown."""
+    """Time since which it has this standing, Unix µs, 0 unknown."""
     expected_px: tuple[float, float] | None = None
-    """Its reported position in the image plane, also outside of the frame; None unknown or behind."""
+    """Reported position in the image plane, px, also outside of the frame; None unknown or behind."""
     track_id: int = 0
     """Track that carries this identity, 0 none."""
     confidence: float = NAN
@@ -177,7 +176,7 @@ class VehicleRow:
     stated: bool = False
     """The identity is what the operator stated."""
     contested: bool = False
-    """Several senders use its system id: none of them is accepted."""
+    """True if several senders use its system id: none of them is accepted."""
     signed: int = 0
     """Packets with a right signature."""
     unsigned: int = 0
@@ -195,11 +194,11 @@ class VehicleRow:
     refusals: Mapping[str, int] = field(default_factory=dict)
     """Positions that were not used, by reason."""
     refused_for: str = ""
-    """Why the latest was not, empty when it was."""
+    """Reason why the latest position was not used, empty when it was."""
     doubted_for: str = ""
-    """Why its positions may be wrong by its own word, empty without doubt."""
+    """Reason why its positions may be wrong by its own word, empty without doubt."""
     compass_doubted: bool = False
-    """Its compass contradicts its filter."""
+    """True if its compass contradicts its filter."""
     clock_fault: str = ""
     """Fault of its clocks in words, empty while nothing is."""
     condition: VehicleCondition = field(default_factory=VehicleCondition)
@@ -215,13 +214,13 @@ class Candidate:
 
     system_id: int
     confidence: float
-    """That the box is this vehicle, 0..1."""
+    """Probability that the box is this vehicle, 0..1."""
     distance_m: float = NAN
-    """From the box to where the vehicle reports to be, NaN where it has not lately."""
+    """Distance from the box to where the vehicle reports to be, m; NaN where it has not lately."""
     against: str = ""
     """Reason against it, in words; empty: nothing."""
     missing: str = ""
-    """Why its reports do not tell where it is, in words; empty: they do."""
+    """Reason why its reports do not tell where it is, in words; empty: they do."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -252,13 +251,13 @@ class Box:
     candidates: tuple[Candidate, ...] = ()
     """The most likely vehicles, the best first, at most three."""
     since_us: int = 0
-    """Since when it has had this name, or none; 0 unknown."""
+    """Time since which it has had this name, or none, Unix µs; 0 unknown."""
     stated: bool = False
     """The name, or that it is none of ours, is what the operator stated."""
     none_of_ours: float = NAN
     """Probability that it is no vehicle of the mission, NaN before any evidence."""
     doubt: str = ""
-    """Why the answer is less sure than its evidence, in words; empty: it is not."""
+    """Reason why the answer is less sure than its evidence, in words; empty: it is not."""
     residual_m: float = NAN
     residual_px: float = NAN
     position_age_s: float = NAN
@@ -335,7 +334,7 @@ class Health:
     """Estimated error of its pitch, radians upward, and its 1σ, NaN unknown."""
     pitch_offset_std: float = NAN
     mirrored: bool = False
-    """Left and right of the picture were found to be exchanged."""
+    """True if left and right of the picture were found to be exchanged."""
     fit: float = NAN
     """Probability that video and telemetry belong together, NaN while nothing was compared."""
     views_differ: str = ""
@@ -345,13 +344,13 @@ class Health:
     keys: int | None = None
     """Signing keys in use, 0 when nothing received can be authenticated; None without a receiver."""
     full_in_s: float = NEVER
-    """Until the disk is full if recording goes on as lately, inf unknown."""
+    """Time until the disk is full if recording goes on as lately, s; inf unknown."""
     write_failing_s: float = 0.0
-    """For how long the recording cannot be written, 0 while it can."""
+    """Time for which the recording could not be written, s; 0 while it can."""
     write_reason: str = ""
     """Why, in the system's words."""
     write_stalled_s: float = 0.0
-    """For how long the disk has not answered, 0 while it does."""
+    """Time for which the disk has not answered, s; 0 while it does."""
     write_lost: int = 0
     """Packets that were given up because too many waited."""
     ingest_restarts: int = 0
@@ -398,7 +397,7 @@ class Snapshot:
     footprint_enu: NDArray[np.float64] | None
     """(4, 2) corners of the image on the ground, image order from top left clockwise."""
     footprints_elsewhere: tuple[NDArray[np.float64], ...] = ()
-    """The same of the flight's other cameras."""
+    """Footprints of the flight's other cameras."""
     uav_enu: NDArray[np.float64]
     """(3,), NaN unknown."""
     uav_heading: float

@@ -36,11 +36,11 @@ class Newcomer:
 
     system_id: int
     kind: str
-    """Its type in a word."""
+    """Type of the vehicle in a word."""
     away_m: float
-    """Over ground from the nearest vehicle of the fleet; inf unknown."""
+    """Distance over ground from the nearest vehicle of the fleet, m; inf unknown."""
     offered: bool
-    """It may be one of ours: a ground vehicle that reports to be near, and that nobody has left out."""
+    """True if it may be one of ours: a ground vehicle that reports to be near, and that nobody has left out."""
 
     @property
     def offer(self) -> str:
@@ -55,7 +55,7 @@ class CameraPicture:
     name: str
     """Name of its aircraft or mast."""
     snapshot: Snapshot | None
-    """Its newest; None before the first."""
+    """Newest snapshot of the camera; None before the first."""
     on_show: bool
     """True of the camera that map, table and keys are about."""
 
@@ -105,7 +105,7 @@ class Timeline(Protocol):
 
     @property
     def speed(self) -> float:
-        """Times real time."""
+        """Speed as a multiple of real time."""
 
     def play(self) -> None:
         """Let time run."""
@@ -120,17 +120,17 @@ class Timeline(Protocol):
         """Pause and move by frames, negative is back."""
 
     def set_speed(self, speed: float) -> None:
-        """Times real time, 0.1 to 20."""
+        """Set the speed, 0.1 to 20 times real time."""
 
 
 class Practice(Protocol):
-    """Troubles that a simulated fleet has on request."""
+    """Troubles that a simulated fleet can be given."""
 
     def troubles(self, system_id: int) -> Sequence[tuple[str, str]]:
-        """A key and words for each that a vehicle may have, with whether it has it."""
+        """Return a key and words for each that a vehicle may have, with whether it has it."""
 
     def toggle(self, key: str, system_id: int) -> None:
-        """Begin or end one; an event tells it."""
+        """Begin or end one, and report it by an event."""
 
 
 class Station(Protocol):
@@ -168,7 +168,7 @@ class Station(Protocol):
 
     @property
     def error(self) -> BaseException | None:
-        """Why it stopped by itself, None while all is well."""
+        """Reason why it stopped by itself, None while all is well."""
 
     def latest(self) -> Snapshot | None:
         """The newest snapshot, None before the first."""
@@ -196,20 +196,21 @@ class Station(Protocol):
         """
 
     def add_event(self, event: Event) -> None:
-        """Something that the operator did, for the event log; only a flight keeps it."""
+        """Add something that the operator did to the event log; only a flight keeps it."""
 
     def acknowledge(self, alarms: Sequence[Alarm]) -> None:
-        """The operator has seen these; a flight keeps that in its events."""
+        """Note that the operator has seen these alarms; a flight keeps that in its events."""
 
     def state_name(self, track_id: int, system_id: int) -> None:
-        """The operator states which vehicle a box is: evidence from the next frame on, kept in a flight's events.
+        """Take the operator's statement which vehicle a box is: evidence from the next frame on, kept in a flight's
+        events.
 
         Args:
             system_id: of a ground vehicle of the mission; 0: none of ours.
         """
 
     def undo_statement(self, track_id: int = 0) -> None:
-        """The operator withdraws what was stated of a track; of 0, what was stated last."""
+        """Withdraw what the operator stated of a track; of 0, what was stated last."""
 
     def rates(self) -> Sequence[Rate]:
         """Measured rates of the messages that a flight needs; none of a recording."""
@@ -218,25 +219,24 @@ class Station(Protocol):
         """Vehicles that are heard and not in the fleet; none of a recording."""
 
     def change_fleet(self, change: FleetChange) -> None:
-        """The operator takes a vehicle into the fleet, leaves it out or renames it: from the next frame on, kept in a
-        flight's events.
+        """Take a vehicle into the fleet, leave it out or rename it: from the next frame on, kept in a flight's events.
 
         Raises:
             ValueError: it cannot be done, and why not.
         """
 
     def accept_held(self, system_ids: Sequence[int]) -> None:
-        """The operator vouches for vehicles whose signed packets are held; nothing in a recording."""
+        """Accept vehicles whose signed packets are held, as the operator vouches for them; nothing in a recording."""
 
     def save_mission(self) -> str:
-        """Write what flies as a mission file, never over one; tells where, or why not.
+        """Write what flies as a mission file, never over one; return where, or why not.
 
         Raises:
             OSError: it cannot be written.
         """
 
     def take_rival_video(self) -> None:
-        """The operator takes the other video where two senders contest its port; nothing in a recording."""
+        """Take the other video where two senders contest its port; nothing in a recording."""
 
     def stop(self) -> None:
         """End threads, seal the recording; safe to call twice."""

@@ -14,9 +14,10 @@ from mavlink.geodesy import LocalFrame
 
 EVERY_US: Final = 500_000
 """Interval between two samples: a vehicle of 10 m/s is 5 m further."""
-MOST_SAMPLES: Final = 14_400
-"""Two hours at first; then every other sample is dropped, and from then on half as many are taken."""
-MOST_POINTS: Final = 240
+MAX_SAMPLES: Final = 14_400
+"""Most samples of a trail, two hours at first; then every other one is dropped, and from then on half as many are
+taken."""
+MAX_POINTS: Final = 240
 """Maximum points of one trail: more than a screen can tell apart."""
 LONGEST_GAP_US: Final = 3_000_000
 """Positions farther apart in time are not joined: nobody knows what was between them."""
@@ -38,7 +39,7 @@ class Trail:
 
 
 class Trails:
-    """Takes snapshots in, in any order of time; only positions that are up to date count."""
+    """Trails of the vehicles by snapshots, in any order of time; only positions that are up to date count."""
 
     def __init__(self) -> None:
         self._times: list[int] = []
@@ -46,7 +47,7 @@ class Trails:
         self._every_us = EVERY_US
 
     def add(self, snapshot: Snapshot) -> None:
-        """Take in where everybody is, unless a moment so near is known already."""
+        """Take in where everybody is, unless a moment close to it is known already."""
         t_us = snapshot.t_us
         at = bisect_left(self._times, t_us)
         near = self._times[max(0, at - 1) : at + 1]
@@ -59,7 +60,7 @@ class Trails:
         }
         self._times.insert(at, t_us)
         self._samples.insert(at, (snapshot.origin, places))
-        if len(self._times) > MOST_SAMPLES:
+        if len(self._times) > MAX_SAMPLES:
             self._times, self._samples = self._times[::2], self._samples[::2]
             self._every_us *= 2
 
@@ -72,7 +73,7 @@ class Trails:
         """
         first = bisect_left(self._times, t_us - round(span_s * 1e6))
         last = bisect_right(self._times, t_us)
-        every = max(1, -(-(last - first) // MOST_POINTS))
+        every = max(1, -(-(last - first) // MAX_POINTS))
         # by their number, so that the same ones are taken from frame to frame
         chosen = [i for i in range(first, last) if i % every == 0 or i == last - 1]
         chosen = [i for i in chosen if self._samples[i][0] == origin]
@@ -95,7 +96,7 @@ def _interrupted(
     times: NDArray[np.int64],
     longest_us: int,
 ) -> Trail:
-    """With a row of NaN between places that must not be joined."""
+    """Insert a row of NaN between places that must not be joined."""
     dt_us = np.diff(times)
     step_m = np.hypot(*np.diff(places, axis=0).T) if len(places) > 1 else np.zeros(0)
     cut = (dt_us > longest_us) | (step_m > SLACK_M + FASTEST_MPS * dt_us * 1e-6)

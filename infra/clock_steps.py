@@ -12,22 +12,18 @@ Ints = NDArray[np.int64]
 
 _NEXT = 8
 """Times on either side that have to agree about a restart."""
-_MOST_STEPS = 1000
+_MAX_STEPS = 1000
 _DAMAGED = 2
 """Offsets that may be damaged among those of a level."""
 _JITTER, _UNEVEN = 10_000, 10.0
-"""Steps are usual within this, and within so many times by what most of them differ from the usual one."""
+"""Difference from the usual step, µs, within which a step is usual, and how many times the usual difference it may
+be."""
 _LEAD_IN, _AGREED = 3, 0.3
 """Usual steps on either side of one that goes back, and share to which all that follows does: else rows are late."""
 
 
 def restarts(times: Ints, least: int, agree: int = _NEXT) -> list[int]:
-    """Places from which times (n,) begin again, by ``least`` or more: all of the next are less than all of the last.
-
-    Args:
-        times: in the order in which they were written.
-        agree: how many times on either side have to.
-    """
+    """Places from which times (n,) begin again, by ``least`` or more: all of the next are less than all of the last."""
     return [
         i
         for i in (np.flatnonzero(np.diff(times) <= -least) + 1).tolist()
@@ -48,8 +44,8 @@ def level_steps(offsets: Ints, least: int, around: int, *, late: bool = False) -
     start = 0
     jumps = np.abs(np.diff(offsets))
     at = np.flatnonzero(jumps > least)
-    if len(at) > _MOST_STEPS:  # single samples that are late jump too: a clock that was set is among the largest
-        at = np.sort(at[np.argpartition(jumps[at], -_MOST_STEPS)[-_MOST_STEPS:]])
+    if len(at) > _MAX_STEPS:  # single samples that are late jump too: a clock that was set is among the largest
+        at = np.sort(at[np.argpartition(jumps[at], -_MAX_STEPS)[-_MAX_STEPS:]])
     for i in (at + 1).tolist():
         before, after = offsets[max(start, i - around) : i], offsets[i : i + around]
         if min(len(before), len(after)) < min(_NEXT, around):

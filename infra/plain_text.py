@@ -34,6 +34,6 @@ def to_cell(text: str) -> str:
 
 
 def from_cell(cell: str) -> str:
-    """The words of a cell."""
+    """Return the words of a cell."""
     text = cell.removeprefix(_AS_TEXT)
     return text if to_cell(text) == cell else cell

@@ -27,12 +27,12 @@ from infra.secrets import conceal
 
 PACKAGES = ("gcs", "mavlink", "vision", "assoc", "sim", "infra")
 """Loggers whose records are written: libraries may put a password into theirs."""
-MOST_BYTES = 16 << 20
+MAX_BYTES = 16 << 20
 """Maximum bytes of one file: some hundred thousand lines; what comes after is left out."""
-MOST_WAITING = 10_000
+MAX_WAITING = 10_000
 """Lines that wait for a disk; more are counted and left out."""
 CLOSE_S = 1.0
-"""Closing waits so long for a disk that hangs."""
+"""Closing waits this long for a disk that hangs."""
 _VARIABLE = "ROLLCALL_LOG"
 """Passes the files and levels to child processes, as JSON."""
 
@@ -73,7 +73,7 @@ class LogFile(logging.Handler):
         super().__init__(level)
         self.path = path
         self.setFormatter(PlainFormatter())
-        self._lines: queue.Queue[str] = queue.Queue(MOST_WAITING)
+        self._lines: queue.Queue[str] = queue.Queue(MAX_WAITING)
         self._left_out, self._closing = 0, False
         self._thread = threading.Thread(target=self._write_lines, name=f"log {path.name}", daemon=True)
         self._thread.start()
@@ -105,7 +105,7 @@ class LogFile(logging.Handler):
             note = f"{left_out} lines were left out\n" if left_out else ""
             with contextlib.suppress(OSError):  # a log is no reason to fail; the alarm is that of the record's files
                 fd = open_to_append(self.path, links=False) if fd < 0 else fd
-                if os.fstat(fd).st_size < MOST_BYTES:
+                if os.fstat(fd).st_size < MAX_BYTES:
                     os.write(fd, f"{line}\n{note}".encode(errors="replace"))  # one call: lines of processes do not mix
         if fd >= 0:
             os.close(fd)
@@ -147,7 +147,7 @@ def child_environment() -> Mapping[str, str]:
 
 
 def log_as_parent() -> None:
-    """In a child process: log into the parent's files, errors that end a thread or the process among them."""
+    """Log into the parent's files in a child process, errors that end a thread or the process among them."""
     with contextlib.suppress(ValueError):
         for path, level in json.loads(os.environ.get(_VARIABLE, "[]")):
             LogFile(Path(path), level)

@@ -10,7 +10,7 @@ from collections.abc import Hashable, Iterable, Sequence
 
 
 class ReportOnce:
-    """Texts that are reported once each.
+    """Filter for texts that are reported once each.
 
     Args:
         most: texts in all; whoever makes up a new one each time is not worth more.
@@ -21,7 +21,7 @@ class ReportOnce:
         self._reported: set[str] = set()
 
     def new(self, texts: Iterable[str]) -> list[str]:
-        """Those that were not reported before, in order; now they are."""
+        """Return the items that were not reported before, in order; now they are."""
         fresh = [text for text in dict.fromkeys(texts) if text not in self._reported]
         fresh = fresh[: self._most - len(self._reported)]
         self._reported.update(fresh)
@@ -29,11 +29,7 @@ class ReportOnce:
 
 
 class Throttle:
-    """Lets the same thing be reported again only after a while.
-
-    Args:
-        every: least time between two reports with one key.
-    """
+    """Filter that lets the same thing be reported again only after a while."""
 
     __slots__ = ("_every", "_reported")
 
@@ -51,12 +47,13 @@ class Throttle:
 
 
 class ReportGrowth:
-    """Times to report a count that keeps growing: at first, whenever it has grown many times, and anew after a rest.
+    """Filter for a count that keeps growing: reported at first, whenever it has grown many times, and again after a
+    rest.
 
     Args:
         first: least count that is reported.
-        factor: it is reported again when it is so many times what was reported.
-        rest: growth after so long without any is as new.
+        factor: it is reported again when it is this many times what was reported.
+        rest: growth after this long without any is as new.
         every: least time between two reports.
     """
 
@@ -68,7 +65,7 @@ class ReportGrowth:
         self._grown = self._reported_at = -math.inf
 
     def due(self, count: int, now: float = 0.0) -> bool:
-        """Tell whether a count is to be reported; one that is less than before was begun anew."""
+        """Tell whether a count is to be reported; one that is less than before was started again."""
         if count < self._count:
             self._count = self._reported = 0
         if count == self._count:
@@ -86,8 +83,8 @@ class Hysteresis:
     """A level of trouble, 0 for none, that is reported when it lasts, and forgotten only when it is over for a while.
 
     Args:
-        rises_after: it must be worse for so long to be reported.
-        falls_after: it must be better for so long before it can be reported again.
+        rises_after: it must be worse for this long to be reported.
+        falls_after: it must be better for this long before it can be reported again.
     """
 
     __slots__ = ("_better_since", "_falls_after", "_rises_after", "_worse_since", "reported")
@@ -99,7 +96,7 @@ class Hysteresis:
         self._worse_since = self._better_since = math.inf
 
     def rises(self, level: int, now: float) -> bool:
-        """Notes the level of now; whether it is to be reported."""
+        """Note the level of now; whether it is to be reported."""
         self._worse_since = min(self._worse_since, now) if level else math.inf
         self._better_since = min(self._better_since, now) if level < self.reported else math.inf
         if now - self._better_since >= self._falls_after:
@@ -111,7 +108,7 @@ class Hysteresis:
 
 
 class TokenBucket:
-    """Lets so many a second through for ever, and a burst at once.
+    """Token bucket: lets this many a second through for ever, and a burst at once.
 
     Args:
         burst: tokens when full, as it is at first.
@@ -154,7 +151,7 @@ class Backoff:
         return pause_s
 
     def succeeded(self) -> None:
-        """Ends the row."""
+        """End the row."""
         self._failures = 0
 
     def due(self, now_s: float) -> bool:

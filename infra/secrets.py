@@ -59,7 +59,7 @@ def secrets_of(address: str) -> tuple[str, ...]:
 
 
 def conceal_in(text: str, address: str) -> str:
-    """Text of others, such as FFmpeg's messages, without the secrets of an address."""
+    """Text from other programs, such as FFmpeg's messages, without the secrets of an address."""
     return _replaced(text, sorted(_forms(address)))
 
 

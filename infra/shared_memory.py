@@ -20,7 +20,7 @@ import tempfile
 from zlib import crc32
 
 _HEAD = struct.Struct("=II")
-"""Before each record or value: its length and its checksum."""
+"""Header of each record or value: its length and its checksum."""
 _CURSORS_BYTES = 16
 _WRITTEN, _READ = 0, 1
 """Bytes ever put into a ring and taken out of it: cursors only grow, their place is the remainder."""
@@ -43,7 +43,7 @@ def make_memory(size: int) -> int:
 
 
 def map_memory(fd: int) -> mmap.mmap:
-    """All bytes behind a file descriptor, which stays the caller's."""
+    """Map all bytes behind a file descriptor, which stays the caller's."""
     return mmap.mmap(fd, os.fstat(fd).st_size)
 
 
@@ -70,7 +70,7 @@ class Ring:
         return self._cursors[_READ]
 
     def put(self, record: bytes) -> bool:
-        """Puts in a record, which must not be empty; False where there is no room for it."""
+        """Put in a record, which must not be empty; False where there is no room for it."""
         written, room = self._cursors[_WRITTEN], self._room
         data = _HEAD.pack(len(record), crc32(record, written & _SEED_MASK)) + record
         if len(data) > room - (written - self._cursors[_READ]):
@@ -83,7 +83,7 @@ class Ring:
         return True
 
     def read_records(self) -> list[bytes]:
-        """All records that can be seen whole, oldest first; they are then out of the ring."""
+        """Take all records that can be seen whole out of the ring, oldest first."""
         written, position = self._cursors[_WRITTEN], self._cursors[_READ]
         if written == position:
             return []
@@ -115,7 +115,7 @@ class NewestValue:
         self._memory = memory
 
     def put(self, value: bytes) -> bool:
-        """Replaces the value; False where there is no room for it, then the one before stays."""
+        """Replace the value; False where there is no room for it, then the one before stays."""
         stop = _HEAD.size + len(value)
         if stop > len(self._memory):
             return False

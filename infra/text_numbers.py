@@ -1,4 +1,4 @@
-"""The one rule for numbers in tables and texts of others: ASCII digits with a point and an exponent.
+"""The one rule for numbers in tables and texts from other programs: ASCII digits with a point and an exponent.
 
 Python's ``float`` also takes ``1_0``, ``٣``, ``nan`` and ``infinity``, which in a file are words or damage.
 """
@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 
-_LONGEST, _MOST_TOLD = 40, 60
+_LONGEST, _MAX_SHOWN = 40, 60
 
 
 def number(text: str) -> float:
@@ -22,7 +22,7 @@ def number(text: str) -> float:
     """
     value = number_or_nan(text)
     if math.isnan(value):
-        raise ValueError(f"{text[:_MOST_TOLD]!r} is no number")
+        raise ValueError(f"{text[:_MAX_SHOWN]!r} is no number")
     return value
 
 

@@ -19,19 +19,32 @@ from msgspec import inspect
 
 Kind = TypeVar("Kind")
 
-MOST_TOML_BYTES = 256 << 10
+MAX_TOML_BYTES = 256 << 10
 """Ten times what a mission with 255 vehicles, each with a comment, takes."""
-_MOST_DEPTH = 16
+_MAX_DEPTH = 16
 """Most levels of nesting; mission files have two, and unbounded nesting overflows the stack of recursive readers."""
-_MOST_SHOWN = 100
+_MAX_SHOWN = 100
 """Characters of a wrong value that a message repeats."""
-_LONG_KEY = re.compile(rf"""(?<![\w"'-])(?:(?:[\w-]++|"[^"\n]*+"|'[^'\n]*+')[ \t]*+\.[ \t]*+){{{_MOST_DEPTH}}}""")
-"""A dotted key of more parts than ``_MOST_DEPTH``: the parser needs time and memory quadratic in their number."""
+_LONG_KEY = re.compile(rf"""(?<![\w"'-])(?:(?:[\w-]++|"[^"\n]*+"|'[^'\n]*+')[ \t]*+\.[ \t]*+){{{_MAX_DEPTH}}}""")
+"""A dotted key of more parts than ``_MAX_DEPTH``: the parser needs time and memory quadratic in their number."""
 
 _PLACE = re.compile(r"\.(\w+)|\[(\d+)\]")
-"""One step of the path in a msgspec error message, such as ``$.ugv[0].system_id``."""
+"""Pattern of one step of the path in a msgspec error message, such as ``$.ugv[0].system_id``."""
 _WHOLE_FLOAT = 2.0**53
-"""Below this every whole number is exact as a float."""
+"""Bound below which every whole number is exact as a float."""
+_INSPECTED: dict[type, inspect.Type] = {}
+_SINGULAR: Mapping[type, str] = {
+    inspect.BoolType: "true or false",
+    inspect.IntType: "a whole number",
+    inspect.FloatType: "a number",
+    inspect.StrType: "text in quotes",
+}
+_PLURAL: Mapping[type, str] = {
+    inspect.IntType: "whole numbers",
+    inspect.FloatType: "numbers",
+    inspect.StrType: "texts",
+    inspect.TupleType: "lists",
+}
 
 
 def parse_toml(data: bytes, where: str) -> dict[str, Any]:
@@ -45,19 +58,19 @@ def parse_toml(data: bytes, where: str) -> dict[str, Any]:
     except UnicodeDecodeError as error:
         raise ValueError(f"{where}: cannot be read as text: {error}") from error
     if _LONG_KEY.search(text):
-        raise ValueError(f"{where}: a key has more than {_MOST_DEPTH} parts")
+        raise ValueError(f"{where}: a key has more than {_MAX_DEPTH} parts")
     try:
         table = tomllib.loads(text)
     except (ValueError, RecursionError) as error:  # a number of thousands of digits is a bare ValueError
         raise ValueError(f"{where}: not valid TOML: {error}") from error
     level: list[Any] = [table]
-    for _ in range(_MOST_DEPTH):
+    for _ in range(_MAX_DEPTH):
         level = [value for part in level for value in (part.values() if isinstance(part, dict) else part)]
         if any(type(value) is int and value.bit_length() > 63 for value in level):
             raise ValueError(f"{where}: not valid TOML: a whole number has more than 64 bits")
         level = [value for value in level if isinstance(value, dict | list)]
     if level:
-        raise ValueError(f"{where}: more than {_MOST_DEPTH} tables or lists are nested in each other")
+        raise ValueError(f"{where}: more than {_MAX_DEPTH} tables or lists are nested in each other")
     return table
 
 
@@ -81,9 +94,6 @@ def build(kind: type[Kind], table: object, where: str) -> Kind:
 
     A whole number may be written as a float. A ValueError raised by a dataclass gets its place in the file in front.
 
-    Args:
-        where: the start of error messages, such as the file's name.
-
     Raises:
         ValueError: not a table, an unknown or missing key, a value of another type or out of its limits.
     """
@@ -93,9 +103,6 @@ def build(kind: type[Kind], table: object, where: str) -> Kind:
         return msgspec.convert(values, kind)
     except msgspec.ValidationError as error:
         raise ValueError(_explained(error, form, values, where)) from None
-
-
-_INSPECTED: dict[type, inspect.Type] = {}
 
 
 def _type_info(kind: type) -> inspect.Type:
@@ -233,24 +240,10 @@ def _count(number: int | None) -> str:
     return f"{number} " if number else ""
 
 
-_SINGULAR: Mapping[type, str] = {
-    inspect.BoolType: "true or false",
-    inspect.IntType: "a whole number",
-    inspect.FloatType: "a number",
-    inspect.StrType: "text in quotes",
-}
-_PLURAL: Mapping[type, str] = {
-    inspect.IntType: "whole numbers",
-    inspect.FloatType: "numbers",
-    inspect.StrType: "texts",
-    inspect.TupleType: "lists",
-}
-
-
 def _shown(value: object) -> str:
     """The value as messages show it, shortened."""
     text = repr(value)
-    return text if len(text) <= _MOST_SHOWN else text[:_MOST_SHOWN] + "…"
+    return text if len(text) <= _MAX_SHOWN else text[:_MAX_SHOWN] + "…"
 
 
 def _is_number(value: object) -> bool:

@@ -8,7 +8,7 @@ from collections.abc import Callable
 STEP_US = 50_000
 """A clock that is set by less is taken for one that is slewed."""
 _READ_NS = 5_000_000
-"""Two clocks read further apart than this are not compared: the thread was held up between them."""
+"""Time between the readings of two clocks beyond which they are not compared: the thread was held up between them."""
 
 
 def now_us() -> int:
@@ -34,7 +34,7 @@ class ClockWatch:
         self.offset_us = (wall_ns() - monotonic_ns()) // 1000
 
     def now_us(self) -> int:
-        """The monotonic clock, µs."""
+        """Time of the monotonic clock, µs."""
         return self._monotonic_ns() // 1000
 
     def stepped(self) -> int | None:

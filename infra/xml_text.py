@@ -1,4 +1,5 @@
-"""XML of others, an element at a time: within bounds, and without entities, which may expand to any size."""
+"""Reader of XML from other programs, an element at a time: within bounds, and without entities, which may expand to any
+size."""
 
 from __future__ import annotations
 
@@ -6,7 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import BinaryIO, Protocol
 from xml.parsers import expat
 
-MOST_DEPTH = 64
+MAX_DEPTH = 64
 _CHUNK = 1 << 16
 
 ElementHandler = Callable[[Sequence[str], Mapping[str, str], str], None]
@@ -14,17 +15,17 @@ ElementHandler = Callable[[Sequence[str], Mapping[str, str], str], None]
 
 
 class LineKeeper(Protocol):
-    """Target of a parser that is told where an element ends."""
+    """Target of an XML parser that keeps the line at which an element ends."""
 
     line: int
 
 
 class XmlRefusedError(ValueError):
-    """XML that no reader of ours has to do with: in one line."""
+    """XML is refused; the message, one line, says why."""
 
 
 class _Elements:
-    """Elements that are open."""
+    """Handler of the parser's events: it keeps the names, attributes and texts of the elements that are open."""
 
     def __init__(self, ended: ElementHandler, most_text: int, lines: LineKeeper | None) -> None:
         self._ended, self._most_text, self._lines = ended, most_text, lines
@@ -34,8 +35,8 @@ class _Elements:
         self._texts: list[str] = []
 
     def start(self, tag: str, attributes: dict[str, str]) -> None:
-        if len(self._names) >= MOST_DEPTH:
-            raise XmlRefusedError(f"it is nested more than {MOST_DEPTH} deep")
+        if len(self._names) >= MAX_DEPTH:
+            raise XmlRefusedError(f"it is nested more than {MAX_DEPTH} deep")
         self._names.append(tag.rpartition(":")[2])
         self._attributes.append(attributes)
         self._texts.append("")

@@ -1,8 +1,9 @@
-"""YAML of others, of which a value has one place: repeated by reference, some lines would grow beyond all memory."""
+"""YAML from other programs, in which a value has one place: repeated by reference, some lines would grow beyond all
+memory."""
 
 from __future__ import annotations
 
-MOST_YAML_BYTES = 256 << 10
+MAX_YAML_BYTES = 256 << 10
 """Descriptions of cameras and lists of class names take some thousand; PyYAML reads a million a second at best."""
 
 
@@ -20,8 +21,8 @@ def parse_yaml(text: str) -> object:
                 raise ValueError("*name refers to another value; write it out")
             return super().compose_node(parent, index)
 
-    if len(text) > MOST_YAML_BYTES:
-        raise ValueError(f"not YAML that can be read: longer than {MOST_YAML_BYTES >> 10} KiB")
+    if len(text) > MAX_YAML_BYTES:
+        raise ValueError(f"not YAML that can be read: longer than {MAX_YAML_BYTES >> 10} KiB")
     try:
         return yaml.load(text, Loader)
     except (yaml.YAMLError, ValueError, LookupError, RecursionError) as error:

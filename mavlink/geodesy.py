@@ -107,7 +107,7 @@ def separation_m(lat_a_deg: float, lon_a_deg: float, lat_b_deg: float, lon_b_deg
 
 
 def wrap_pi(angle: float) -> float:
-    """The same angle in [−π, π)."""
+    """Wrap an angle into [−π, π)."""
     return (angle + math.pi) % (2.0 * math.pi) - math.pi
 
 

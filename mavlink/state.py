@@ -80,13 +80,14 @@ class UavState(UavAttitude):
     v_enu: Array
     """(3,) m/s."""
     height_m: float
-    """Above home, NaN unknown."""
+    """Height above home, m, NaN unknown."""
     position_valid: bool
     camera: CameraReport | None
     range_m: float = math.nan
-    """To the ground along the body's own vertical axis, by its rangefinder; NaN not reported in the last second."""
+    """Distance to the ground along the body's own vertical axis, by its rangefinder, m; NaN not reported in the last
+    second."""
     terrain_height_m: float = math.nan
-    """Above the ground by the autopilot's own map of the terrain, likewise."""
+    """Height above the ground by the autopilot's own map of the terrain, m; NaN not reported in the last second."""
     std_m: float = math.nan
     """1σ of the position per axis, level, by its receiver; NaN unknown."""
 
@@ -105,7 +106,7 @@ class ChannelStatus:
     loss: float
     """Share of packets lost lately, 0..1, NaN unknown: missing by sequence number, and by what comes regularly."""
     age_s: float
-    """Since its last packet."""
+    """Time since its last packet, s."""
     late_s: float
     """Delay after another channel that brings the same packets, 0 when it is first or the only one."""
 
@@ -124,7 +125,7 @@ class VehicleCondition:
     power_age_s: float = math.inf
     """Age of voltage, charge and that time."""
     satellites: int = -1
-    """In use, −1 unknown."""
+    """Number of satellites in use, −1 unknown."""
     hdop: float = math.nan
     receiver_age_s: float = math.inf
     """Age of satellites and HDOP."""
@@ -137,7 +138,7 @@ class VehicleCondition:
     faults: tuple[str, ...] = ()
     """Sensors and other parts that it reports as failing now, in words."""
     arming: tuple[str, ...] = ()
-    """Why it cannot be armed now, in its own words: plain text from the air."""
+    """Reason why it cannot be armed now, in its own words: plain text from the air."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -163,13 +164,13 @@ class VehicleStatus:
     """Positions that were rejected."""
     last_text: str
     contested: bool = False
-    """Two senders use this system id (an id conflict): its reports are not used."""
+    """True if two senders use this system id (an id conflict): its reports are not used."""
     jumps: bool = False
-    """Its position jumps to and fro, as with a receiver that is jammed or fails: its reports are not used."""
+    """True if its position jumps to and fro, as with a receiver that is jammed or fails: its reports are not used."""
     refusals: tuple[tuple[str, int], ...] = ()
     """Counts of what was left out, by reason: positions, and single values of positions that were used without them."""
     refused_for: str = ""
-    """Why the latest position was not used, empty when it was."""
+    """Reason why the latest position was not used, empty when it was."""
     copies: int = 0
     """Duplicates: packets that had come before, over another link or twice over one."""
     signed: int = 0
@@ -199,9 +200,9 @@ class VehicleStatus:
     clock_fault: str = ""
     """Fault of its clocks, in words; empty while nothing is. No position depends on it."""
     doubted_for: str = ""
-    """Why its positions may be wrong by its own report, empty without doubt; they are used, with a wide 1σ."""
+    """Reason why its positions may be wrong by its own report, empty without doubt; they are used, with a wide 1σ."""
     compass_doubted: bool = False
-    """Its compass contradicts its filter: its heading may be wrong."""
+    """True if its compass contradicts its filter: its heading may be wrong."""
     condition: VehicleCondition = VehicleCondition()
     hardware: str = ""
     """Hardware id in hexadecimal, empty before AUTOPILOT_VERSION."""

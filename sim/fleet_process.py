@@ -26,8 +26,8 @@ from sim.errors import PlayError
 from sim.faults.fault_traffic import FaultTraffic, traffic
 from sim.faults.fleet_faults import LIES, SimulatedFleet, SimulatedSender
 
-UAV_ID, FIRST_UGV_ID, MOST = 1, 11, 245
-"""System ids of the UAV and of the first ground vehicle; with so many vehicles the last id is 254, as 255 is that of
+UAV_ID, FIRST_UGV_ID, MAX_VEHICLES = 1, 11, 245
+"""System ids of the UAV and of the first ground vehicle; with this many vehicles the last id is 254, as 255 is that of
 most ground stations."""
 PAUSE_S = 0.002
 """Shortest sleep between datagrams: what is due within it leaves in one bundle."""
@@ -37,7 +37,7 @@ LOOK_S = 0.2
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SendCounts:
-    """Counts of what left."""
+    """Counts of what was sent."""
 
     packets: dict[str, int]
     """Packets by system id, else by name: ``impostor 13``, ``replayed 14``, ``texts``, ``garbage``, ``boot words``."""
@@ -199,8 +199,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Run the command; 2 for arguments that cannot be used."""
     arguments = _parser().parse_args(argv)
     try:
-        if not 1 <= arguments.vehicles <= MOST:
-            raise PlayError(f"--vehicles {arguments.vehicles}: 1 to {MOST}")
+        if not 1 <= arguments.vehicles <= MAX_VEHICLES:
+            raise PlayError(f"--vehicles {arguments.vehicles}: 1 to {MAX_VEHICLES}")
         keys = read_keys(arguments.sign, system_ids(arguments.vehicles)) if arguments.sign else {}
         plan = FaultTraffic(
             fleet=fleet_of(arguments),

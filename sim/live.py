@@ -130,8 +130,8 @@ def play(
                 packets[packet.system_id] += not forged
             if tells_camera and packet.t_us >= camera_due_us:
                 camera_due_us = packet.t_us + CAMERA_US
-                for system_id, told in cameras.items():
-                    for _, frame in chain.from_iterable(map(troubles.frames, next(told))):
+                for system_id, stream in cameras.items():
+                    for _, frame in chain.from_iterable(map(troubles.frames, next(stream))):
                         sockets[system_id].sendto(frame, target)
     return PlaybackCounts(
         packets=packets,
@@ -142,17 +142,17 @@ def play(
 
 
 def _with_farewell(packets: Iterable[TelemetryPacket]) -> Iterator[TelemetryPacket]:
-    """The packets, and the end told by the UAV: a station could not tell it from radios that were lost."""
+    """Add the UAV's announcement of the end: a station could not tell it from radios that were lost."""
     mav, t_us = dialect.MAVLink(None, srcSystem=UAV_ID, srcComponent=dialect.MAV_COMP_ID_AUTOPILOT1), 0
     for packet in packets:
         t_us = packet.t_us
         yield packet
-    said = dialect.MAVLink_statustext_message(dialect.MAV_SEVERITY_WARNING, b"The simulated flight is over")
-    yield TelemetryPacket(t_us=t_us, raw=bytes(said.pack(mav)), vehicle=-1)
+    farewell = dialect.MAVLink_statustext_message(dialect.MAV_SEVERITY_WARNING, b"The simulated flight is over")
+    yield TelemetryPacket(t_us=t_us, raw=bytes(farewell.pack(mav)), vehicle=-1)
 
 
 def _nth_url(url: str, k: int) -> str:
-    """The same address, so many ports further on."""
+    """The same address, this many ports further on."""
     return re.sub(r":(\d+)(?=$|\?)", lambda port: f":{int(port[1]) + k}", url)
 
 
@@ -163,11 +163,11 @@ def _nth_path(path: Path | None, k: int) -> Path | None:
 def _camera_frames(scenario: Scenario, video_url: str | None, uav_id: int = UAV_ID) -> Iterator[tuple[bytes, ...]]:
     """Messages that the camera sends time and again; a component of its aircraft's system."""
     port = re.search(r":(\d+)", (video_url or "").partition("://")[2])
-    told = camera(scenario, int(port[1]) if port else 0)
+    messages = camera(scenario, int(port[1]) if port else 0)
     mav = dialect.MAVLink(None, srcSystem=uav_id, srcComponent=dialect.MAV_COMP_ID_CAMERA)
     while True:
         frames = []
-        for message in told:
+        for message in messages:
             frames.append(bytes(message.pack(mav)))
             mav.seq = (mav.seq + 1) % 256
         yield tuple(frames)

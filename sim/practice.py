@@ -60,11 +60,11 @@ _SIGNING_EPOCH_US = 1_420_070_400_000_000
 LOST_SHARES = {"loss": 0.4, "far": 0.75}
 LIE_M, IMPOSTOR_M, ELSEWHERE_M = 30.0, 80.0, 40.0
 _TURN = 2.4
-"""From the direction in which a vehicle is elsewhere to that of the next one, rad: no two are alike."""
+"""Angle from the direction in which a vehicle is elsewhere to that of the next one, rad: no two are alike."""
 _DEGREES7_PER_M = 1e7 / 111_195.0
 _SAYS_EVERY = 10
-"""Heartbeats."""
-_MOST_BYTES = 64
+"""Heartbeats between two texts of a vehicle."""
+_MAX_BYTES = 64
 _GYRO, _ARMING = dialect.MAV_SYS_STATUS_SENSOR_3D_GYRO, dialect.MAV_SYS_STATUS_PREARM_CHECK
 _SENSORS = _GYRO | dialect.MAV_SYS_STATUS_SENSOR_GPS | _ARMING
 _FILTER_WELL = (
@@ -127,7 +127,7 @@ class Troubles:
         """Time that is taken from the boot times of vehicles that booted again."""
         self._beats = dict.fromkeys(self._ids, 0)
         self._driving: set[int] = set()
-        """Those that beat as ground vehicles."""
+        """System ids of those that send heartbeats as ground vehicles."""
         self._rng = np.random.default_rng(1)
         self._socket: socket.socket | None = None
         if port:
@@ -160,7 +160,7 @@ class Troubles:
             return
         with contextlib.suppress(BlockingIOError):
             while True:
-                data = self._socket.recv(_MOST_BYTES)
+                data = self._socket.recv(_MAX_BYTES)
                 with contextlib.suppress(ValueError):  # also of bytes that are no text
                     self.toggle(data.decode())
 

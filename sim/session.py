@@ -134,12 +134,7 @@ def frame_times(scenario: Scenario) -> tuple[FloatArray, NDArray[np.int64]]:
 
 
 def session_toml(scenario: Scenario, views: Sequence[World]) -> dict[str, Any]:
-    """The flight's ``session.toml``.
-
-    Args:
-        scenario: what flew.
-        views: it as each further camera has it.
-    """
+    """The flight's ``session.toml``."""
     further = [
         {**(_mast_table(each) if view.mast else {"system_id": UAV_ID + k}), **_camera_tables(each.scenario)}
         for k, (view, each) in enumerate(zip(scenario.views, views, strict=True), 1)

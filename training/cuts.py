@@ -17,7 +17,7 @@ SIDE = 256
 """Side of the images that training sees, cut from larger ones."""
 SCALES = (0.68, 1.6)
 """Range of the scale of a cut; at the least one it shows nearly all of a crop of 384 px."""
-LEAST_LENGTH_PX, LEAST_WIDTH_PX = 8.0, 3.0
+MIN_LENGTH_PX, MIN_WIDTH_PX = 8.0, 3.0
 """Smaller vehicles count neither way."""
 FROM_THE_SIDE, ROLL = math.radians(40.0), math.radians(20.0)
 """Tilt from straight down from which on cuts are turned by the roll of a camera alone, and its standard deviation; a
@@ -84,7 +84,7 @@ def cut(sample: TrainingSample, rng: np.random.Generator) -> TrainingSample:
     moved[:, 2:4] *= scale
     moved[:, 4] = turn + (-moved[:, 4] if mirror else moved[:, 4])
     moved[:, 5] *= _share_inside(moved)
-    moved[(moved[:, 2] < LEAST_LENGTH_PX) | (moved[:, 3] < LEAST_WIDTH_PX), 5] = 0.0
+    moved[(moved[:, 2] < MIN_LENGTH_PX) | (moved[:, 3] < MIN_WIDTH_PX), 5] = 0.0
     middle_inside = ((moved[:, :2] > 0.0) & (moved[:, :2] < SIDE)).all(axis=1)
     # of a vehicle whose middle is beyond the edge, what is seen of it counts neither way
     moved[~middle_inside, 5] = 0.0

@@ -132,22 +132,22 @@ RENDERED_CROPS, RENDERED_SHARD = 500, 50
 """Rendered images of a run, and those in one file; as many as are rendered in two minutes."""
 RENDERED_SEED, SEEDS = 700_000, 1000
 """Seed of the first shard of a run of seed 0, and how many runs have crops of their own."""
-MOST_PROCESSES = 4
-"""That render; each needs 300 MB."""
+MAX_PROCESSES = 4
+"""Most processes that render; each needs 300 MB."""
 MEASURED_STEPS = 20
 """Steps by which the time that a run takes is estimated."""
-LEAST_STEPS = 100
+MIN_STEPS = 100
 """Steps of a run on a computer that is too slow for more in the given time."""
 CHECKS = 12
 """Looks at the watched images in a run ..."""
 PATIENCE, EARLIEST = 4, 0.5
-"""... of which so many without a better figure end it, though not before this share of its steps: while the learning
+"""... of which this many without a better figure end it, though not before this share of its steps: while the learning
 rate is high, figures are worse than they become."""
 LOSS_EVERY = 10
 """Steps between rows of loss.csv."""
 WARM_UP_SHARE, AVERAGE_SHARE = 0.1, 0.1
 """Shares of a run's steps: those in which the learning rate rises, and those over which weights are averaged."""
-LEAST_OBJECTS = 30
+MIN_OBJECTS = 30
 """Fewer watched vehicles do not tell which score is best: one of them would move recall by 3 %."""
 F1_SLACK = 0.02
 """Loss of F1 on watched images that is given for recall: other places are harder than those next to trained ones."""
@@ -215,7 +215,7 @@ class FineTuning:
             TrainingError: rendering failed.
         """
         folder, shards = self.out / "rendered", RENDERED_CROPS // RENDERED_SHARD
-        processes = min(os.cpu_count() or 1, MOST_PROCESSES)
+        processes = min(os.cpu_count() or 1, MAX_PROCESSES)
         first = RENDERED_SEED + shards * (self._options.seed % SEEDS)
         spans = np.array_split(np.arange(first, first + shards), processes)
         with (self.out / "rendered.log").open("ab") as words:
@@ -311,7 +311,7 @@ class FineTuning:
         return Mixture(rendered=pool, photographs=shares, seed=self._options.seed)
 
     def _fit(self, step_s: float) -> int:
-        return int(np.clip(60.0 * self._options.minutes / step_s, LEAST_STEPS, self._options.steps))
+        return int(np.clip(60.0 * self._options.minutes / step_s, MIN_STEPS, self._options.steps))
 
     def _plan(self, trainer: Trainer, steps: int | None) -> None:
         self._steps = min(steps or self._options.steps, self._options.steps)
@@ -372,7 +372,7 @@ def detect(model: Path, images: Sequence[LabelledImage]) -> list[Detections]:
 def _operating_score(model: Path, images: Sequence[LabelledImage]) -> float:
     """The best operating score on some images, SCORE where they hold too few vehicles to tell."""
     found, objects = detect(model, images), sum(int(image.truth.counts.sum()) for image in images)
-    if objects < LEAST_OBJECTS:
+    if objects < MIN_OBJECTS:
         return SCORE
     pairs = list(zip(found, images, strict=True))
     number = np.concatenate([match(d, image.truth).truth[0] for d, image in pairs])

@@ -23,8 +23,8 @@ from vision.detect.boxes import prob_iou_pairs
 
 WIDTH_SHARE, SIGMA_CELLS = 0.16, (0.5, 2.0)
 """σ of a centre's target across a vehicle: a share of its width, within bounds; a choice."""
-CAR_ASPECT, MOST_SPREAD = 2.5, 2.5
-"""Vehicles of a higher aspect have targets that spread along them in proportion, so many times σ at most."""
+CAR_ASPECT, MAX_SPREAD = 2.5, 2.5
+"""Vehicles of a higher aspect have targets that spread along them in proportion, this many times σ at most."""
 WRONG, RIGHT = 0.45, 0.8
 """Probabilistic overlap with a label up to which a box is wrong, and from which on it is right; in between partly: 0.62
 is an intersection over union of about a half."""
@@ -144,7 +144,7 @@ def _heat(
     """
     aspect = side[..., 0] / side[..., 1]
     across = (WIDTH_SHARE * side[..., 1].minimum(side[..., 0])).clamp(*SIGMA_CELLS)
-    along = across * torch.where(known >= int(Known.BOX), aspect / CAR_ASPECT, 1.0).clamp(1.0, MOST_SPREAD)
+    along = across * torch.where(known >= int(Known.BOX), aspect / CAR_ASPECT, 1.0).clamp(1.0, MAX_SPREAD)
     sin, cos = heading.sin()[..., None, None], heading.cos()[..., None, None]
     x, y = dx[..., None, :], dy[..., :, None]
     # exp(−a² / 2σ_a² − c² / 2σ_c²), a along and c across the vehicle, whose front points to (sin, −cos)

@@ -38,7 +38,7 @@ PART_SIDE = 384
 """Side of a part, px, as of rendered crops."""
 SCALES = (0.35, 1.3)
 """Range of a part's scale, of that at which a car has CAR_PX: cars of 18 to 68 px, which the cut varies further."""
-MOST_SCALE = 2.0
+MAX_SCALE = 2.0
 """Enlarging further adds no detail; the detector does not either."""
 OPEN = 16
 """Photographs from which the samples of a step are cut: 400 MB of 4K frames. One is exchanged with each step."""
@@ -49,11 +49,11 @@ OFF_MIDDLE = 0.3
 MINING_SCORE = 0.15
 """Least score of a false alarm that is mined: half the operating score, for it may rise while training."""
 EXPLAINED_IOU, EXPLAINED_INSIDE = 0.1, 0.5
-"""A detection with so much overlap with a label, or with this share of it inside one, is no false alarm."""
+"""A detection with this much overlap with a label, or with this share of it inside one, is no false alarm."""
 LONG = 1.5
-"""A box without label of so many car lengths may be an unlabelled lorry or bus ..."""
+"""A box without label of this many car lengths may be an unlabelled lorry or bus ..."""
 CAR_LIKE, SURE = 0.7, 0.4
-"""... and one of so many car lengths and of this score a car that was overlooked. On street scenes, boxes of such a
+"""... and one of this many car lengths and of this score a car that was overlooked. On street scenes, boxes of such a
 score without label are half of them cars; smaller ones are pedestrians and roof windows."""
 EDGE_CARS = 1.0
 """Depth of the edge of a photograph, car lengths: vehicles that are cut there have a label or not."""
@@ -209,7 +209,7 @@ class Photographs:
         return [part(self.photographs[i], self._pixels(i), rng) for i in chosen]
 
     def _order(self, number: int) -> int:
-        """Index of the photograph that comes as so many-th: every one once, then again in another order."""
+        """Index of the photograph that comes as this many-th: every one once, then again in another order."""
         turn, place = divmod(number, len(self.photographs))
         return int(np.random.default_rng([self._seed, turn]).permutation(len(self.photographs))[place])
 
@@ -218,7 +218,7 @@ def part(photograph: Photograph, image: Image, rng: np.random.Generator) -> Trai
     """A part of PART_SIDE squared at a random place and scale."""
     height, width = image.shape[:2]
     scale = CAR_PX / photograph.car_px * float(np.exp(rng.uniform(*np.log(SCALES))))
-    scale = min(max(scale, PART_SIDE / max(height, width)), MOST_SCALE)
+    scale = min(max(scale, PART_SIDE / max(height, width)), MAX_SCALE)
     span = PART_SIDE / scale
     middle = _focus(photograph, (width, height), rng) + rng.uniform(-OFF_MIDDLE, OFF_MIDDLE, 2) * span
     side = max(round(span), 1)

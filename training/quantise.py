@@ -20,7 +20,7 @@ from onnxruntime.quantization import CalibrationDataReader, QuantFormat, QuantTy
 
 KEPT_FIRST, KEPT_LAST = 1, 6
 """Convolutions that stay as they are, at either end of the file."""
-MOST_IMAGES = 60
+MAX_IMAGES = 60
 
 
 class _Images(CalibrationDataReader):  # type: ignore[misc]  # onnxruntime is not typed
@@ -33,7 +33,7 @@ class _Images(CalibrationDataReader):  # type: ignore[misc]  # onnxruntime is no
     def _read(folder: Path) -> Iterator[NDArray[np.uint8]]:
         for path in sorted(folder.glob("crops_*.npz")):
             with np.load(path) as shard:
-                yield from shard["images"][:MOST_IMAGES]
+                yield from shard["images"][:MAX_IMAGES]
 
     def get_next(self) -> dict[str, NDArray[np.uint8]] | None:
         image = next(self._images, None)

@@ -20,7 +20,7 @@ KEPT_FOLDERS = frozenset(("val", "valid", "validation", "test"))
 """Folders that are never trained on, as data sets have them."""
 TRIES = 500
 """Random sets of groups of which the best is taken: all of them where there are up to eight groups, likely."""
-LEAST, MOST = 0.3, 2.5
+MIN_SHARE, MAX_SHARE = 0.3, 2.5
 """Limits, times the wanted share: a set of groups beyond is too small to measure with, or leaves too little."""
 
 
@@ -92,7 +92,7 @@ def _groups(keys: Sequence[str], objects: np.ndarray, share: float, seed: int) -
     tried = np.concatenate([tried, np.eye(len(members), dtype=bool)])
     total = np.where(tried.any(axis=1), tried @ size, np.inf)
     best = int(np.argmin(np.abs(total - share)))
-    if not LEAST * share <= total[best] <= min(MOST * share, 0.5 + 1e-9):
+    if not MIN_SHARE * share <= total[best] <= min(MAX_SHARE * share, 0.5 + 1e-9):
         return None
     kept = np.zeros(len(keys), dtype=bool)
     for own, apart in zip(members, tried[best], strict=True):

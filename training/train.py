@@ -58,7 +58,7 @@ PHOTOGRAPHS_SHARE = 0.25
 """Share of the images of a step that are cut from a folder of photographs, unless another is given; a choice."""
 STATISTICS_IMAGES = 64
 """Images over which statistics of batch norms are taken where a model file has none; a choice."""
-_LEAST_SCORE = 0.05
+_MIN_SCORE = 0.05
 """Score from which boxes are kept: low, so that quality can be measured at any threshold above it."""
 PER_SHARD, HELD_OUT_CROPS = 250, 500
 """Crops in a file of training data, and those held out."""
@@ -249,7 +249,7 @@ def detections_and_truth(
         for start in range(0, len(batch.images), chunk):
             out = net(batch.images[start : start + chunk].to(device).float() / 255.0)
             cells = torch.cat([scores(out), out[:, 1:CHANNELS]], dim=1).cpu().numpy()
-            found += [decode(c, STRIDE, _LEAST_SCORE) for c in cells]
+            found += [decode(c, STRIDE, _MIN_SCORE) for c in cells]
     truth = [b[r].astype(np.float64) for b, r in zip(batch.boxes.numpy(), batch.real.numpy(), strict=True)]
     return found, truth
 
@@ -307,7 +307,7 @@ def _check(trainer: Trainer, held_out: Pool, out: Path, images: int) -> None:
 
 
 def _render_missing(out: Path, crops: int, seed: int, renderers: int) -> list[subprocess.Popen[bytes]]:
-    """Render what is missing beside the training, in so many processes."""
+    """Render what is missing beside the training, in this many processes."""
     jobs, shards = [], crops // PER_SHARD
     if not any((out / "held_out").glob("crops_*.npz")):
         jobs.append(render_crops(out / "held_out", HELD_OUT_SEED, 1, HELD_OUT_CROPS))

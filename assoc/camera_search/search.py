@@ -36,7 +36,7 @@ _STARTS, _POLISHED = 12, 4
 _ROUGH, _POLISH = (2, 4), (4, 15)
 """Assignments of a fit, and most steps between two of them."""
 _SAME_WAY = float(np.cos(np.deg2rad(15.0)))
-_LEAST_TIMES = 4
+_MIN_TIMES = 4
 _PLACE_STD_M, _PLACE_STD_SHARE = 2.5, 0.02
 """σ_p of a pair: metres, and share of the distance from below the camera."""
 _COURSE_STD_M, _COURSE_TAU_S = 0.7, 2.0
@@ -46,13 +46,12 @@ _PRIOR_STD = np.array([np.inf, np.inf, np.deg2rad(2.0), np.inf, 2.0, 2.0, 0.03, 
 _STEP = np.array([0.05, 0.03, 0.02, 0.05, 1.0, 1.0, 0.02, 0.02])
 _STILL = 1e-6
 """Bound of what is not to be fitted."""
-_LEAST_EVIDENCE, _MARGIN = 25.0, 12.0
+_MIN_EVIDENCE, _MARGIN = 25.0, 12.0
 """Nats that an explanation needs, and by which it must surpass every other assignment's."""
-_LEAST_MOVED_M = 4.0
+_MIN_MOVED_M = 4.0
 """Course of a vehicle, metres, from which on it tells something about the camera."""
-_LEAST_EXPLAINED = 0.6
+_MIN_EXPLAINED = 0.6
 """Share of the time of all tracks, or of all vehicles where that is less, that has to be explained."""
-_R_ENU_NED = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
 _R_GIMBAL_CAM = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
 
 
@@ -118,7 +117,7 @@ def find_camera(film: FilmedFleet) -> CameraSearch:
 
 
 def refined(film: FilmedFleet, before: CameraFit) -> CameraFit | None:
-    """The same camera by another look, None where that does not explain the film any more."""
+    """Refine a camera by another look, None where that does not explain the film any more."""
     fit = _fitted(film, _start_of(before), before.kind, _POLISH)
     return fit if fit is not None and _verdict(film, fit, None) is CameraVerdict.FOUND else None
 
@@ -154,15 +153,15 @@ def _moves(film: FilmedFleet) -> bool:
     low = np.min(np.where(known[..., None], film.vehicle_enu, np.inf), axis=0)
     high = np.max(np.where(known[..., None], film.vehicle_enu, -np.inf), axis=0)
     far = np.max(np.where(np.isfinite(high), high - low, 0.0), axis=1)
-    return int(np.count_nonzero(far > _LEAST_MOVED_M)) >= 2
+    return int(np.count_nonzero(far > _MIN_MOVED_M)) >= 2
 
 
 def _verdict(film: FilmedFleet, best: CameraFit, rival: CameraFit | None) -> CameraVerdict:
     seen = np.count_nonzero(np.isfinite(film.picture[..., 0]), axis=0)
     most = min(int(np.sum(seen)), film.vehicle_enu.shape[1] * len(film.t))
     matched = best.vehicle >= 0
-    explained = int(np.sum(seen[matched])) >= _LEAST_EXPLAINED * most and np.count_nonzero(matched) >= 2
-    if best.evidence < _LEAST_EVIDENCE or not explained:
+    explained = int(np.sum(seen[matched])) >= _MIN_EXPLAINED * most and np.count_nonzero(matched) >= 2
+    if best.evidence < _MIN_EVIDENCE or not explained:
         return CameraVerdict.UNEXPLAINED
     if rival is not None and rival.evidence > best.evidence - _MARGIN:
         return CameraVerdict.AMBIGUOUS
@@ -283,7 +282,7 @@ def _pair_evidence(film: FilmedFleet, base: FloatArray, x: FloatArray) -> FloatA
     weight = n * film.step_s / _COURSE_TAU_S
     course = weight * (np.log(spread + _COURSE_STD_M**2) - np.log(_spread(r, known) / count + _COURSE_STD_M**2))
     score = place + course - np.log(film.vehicle_enu.shape[1])
-    return np.where(n >= _LEAST_TIMES, score, -np.inf)
+    return np.where(n >= _MIN_TIMES, score, -np.inf)
 
 
 def _spread(p: FloatArray, known: BoolArray) -> FloatArray:
@@ -336,7 +335,7 @@ def _fitted(film: FilmedFleet, start: FloatArray, kind: MountKind, effort: tuple
         film: what is to be explained.
         start: x.
         kind: what the camera hangs on.
-        effort: how often it is assigned anew, and most steps of the fit in between.
+        effort: how often it is assigned again, and most steps of the fit in between.
     """
     base, together = _base(film, kind), _together(film)
     start = start * np.array([1.0, 1.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0])

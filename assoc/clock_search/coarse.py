@@ -1,4 +1,4 @@
-"""How well a fleet fits a film at every offset of its clock, roughly and fast: which offsets are worth a closer look.
+"""Rough and fast fit of a fleet to a film at every offset of its clock: which offsets are worth a closer look.
 
 On a grid of offsets δ_k = k h the fleet's places are one array, sampled every h, and seen through a window that slides.
 With a = g − c the arm from the camera's foot to a track on the ground, complex, and q = p(t + δ) − c that to a vehicle,
@@ -36,11 +36,11 @@ GRID_S = 0.5
 _STRIDE = 2
 """Grid points between two places of a track."""
 _LONGEST_STRIDE = 8
-_MOST_PLACES = 240
-"""Longer films are looked at more seldom."""
+_MAX_PLACES = 240
+"""Most moments at which a film is looked at; longer films are looked at more seldom."""
 _REPORT_GAP_S, _TRACK_GAP_S = 3.0, 0.8
 """Longest hole in a vehicle's reports, and in a track, that is bridged, seconds."""
-_LEAST_PLACES = 4
+_MIN_PLACES = 4
 """A track that is seen for a shorter time is left out."""
 _PLACE_STD_M, _PLACE_STD_SHARE = 3.0, 0.06
 """σ_p: metres, and share of the arm: errors of tilt, height and heading grow with it."""
@@ -51,7 +51,7 @@ _HEADINGS_KNOWN = np.deg2rad(np.array([-12.0, -6.0, 0.0, 6.0, 12.0]))
 """ψ where the heading is unknown, and where it is known."""
 _CHUNK = 256
 """Offsets that are worked on at once."""
-_MOST_OFFSETS = 500_000
+_MAX_OFFSETS = 500_000
 """Offsets that are compared: of three days of reports; of more the longest stretches."""
 _APART = 2
 """Grid points by which two starts differ at least, else they lead to the same offset."""
@@ -87,7 +87,7 @@ def _sampled(tracks: TrackHistory) -> _Sampled:
     """The film's rays on a regular grid of times, of tracks that are seen for long enough."""
     times, rays = tracks.t[: tracks.n], tracks.ray[: tracks.n]
     length_s = times[-1] - times[0]
-    stride = int(np.clip(np.ceil(length_s / (_MOST_PLACES * GRID_S)), _STRIDE, _LONGEST_STRIDE))
+    stride = int(np.clip(np.ceil(length_s / (_MAX_PLACES * GRID_S)), _STRIDE, _LONGEST_STRIDE))
     t = np.asarray(times[0] + np.arange(int(length_s / (stride * GRID_S)) + 1) * stride * GRID_S, np.float64)
     columns, found = [], []
     for column in range(rays.shape[1]):
@@ -95,7 +95,7 @@ def _sampled(tracks: TrackHistory) -> _Sampled:
         if len(rows) < 2:
             continue
         ray, near = _interpolated(times[rows], rays[rows, column], t, _TRACK_GAP_S)
-        if np.count_nonzero(near) >= _LEAST_PLACES:
+        if np.count_nonzero(near) >= _MIN_PLACES:
             columns.append(ray)
             found.append(near)
     if not columns:
@@ -145,7 +145,7 @@ def _stretches(log: FleetLog, film_s: tuple[float, float], bounds_s: tuple[float
     begins, ends = t[np.concatenate([[0], apart + 1])], t[np.concatenate([apart, [len(t) - 1]])]
     first = np.ceil(np.maximum(begins - film_s[1], bounds_s[0]) / GRID_S)
     last = np.floor(np.minimum(ends - film_s[0], bounds_s[1]) / GRID_S)
-    kept, left = [], _MOST_OFFSETS
+    kept, left = [], _MAX_OFFSETS
     for k in np.argsort(first - last, kind="stable").tolist():
         size = min(int(last[k] - first[k]) + 1, left)
         if size > 0:
@@ -263,7 +263,7 @@ def pair_scores(
     base = np.log(area / (2.0 * np.pi * variance)) - np.log(q.shape[-1])
     weight = n * step_s / _COURSE_TAU_S
     spread = np.log((saa + sqq) / (2.0 * n) + _COURSE_STD_M**2)
-    enough = n >= _LEAST_PLACES
+    enough = n >= _MIN_PLACES
     best, which = np.full(len(q), -np.inf), np.zeros(len(q), np.int64)
     for k, heading in enumerate(headings):
         turn = np.exp(-1j * heading)

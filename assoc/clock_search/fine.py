@@ -1,4 +1,4 @@
-"""How well a fleet fits a film at one offset of its clock: camera pose, assignment and offset are fitted together.
+"""Fit of a fleet to a film at one offset of its clock: camera pose, assignment and offset are fitted together.
 
 The evidence is that of the identifier's hypotheses, over the whole film at once: with L_ij the ln ratio of a pair that
 belongs together to one that is unrelated, n vehicles, and the pose integrated out,
@@ -36,22 +36,22 @@ IntArray = NDArray[np.int64]
 _OFFSET_STD_S = 0.6
 """Prior 1σ of what the offset is off the grid of the coarse search, seconds."""
 _FIXED_STD_S = 0.01
-"""The same where the offset is not to be moved."""
+"""Prior 1σ of an offset that is not to be moved, seconds."""
 _LAG_STD_S = 1e-3
 """Prior 1σ of the age of the camera's positions, seconds: a path has none, or it is part of the offset."""
 _RECENTRE_S = 0.08
-"""An offset that is moved further is looked at anew from there."""
+"""An offset that is moved further is looked at again from there."""
 _RECENTRES = 4
 _ITERATIONS = 5
 _BEFORE_S, _AFTER_S = 8.0, 3.0
-"""Reports so long before the film teach the null model the vehicles' speed; and after it those that a late video needs,
-seconds."""
+"""Reports this long before the film teach the null model the vehicles' speed; and after it those that a late video
+needs, seconds."""
 _KNOWN_YAW_STD, _FREE_YAW_STD = np.deg2rad(7.0), np.deg2rad(30.0)
 """1σ of a heading that is known, and of one about the coarse search's where it is not."""
 _YAW_RATE_STD = np.deg2rad(0.1)
 _BIAS_TAU_S = 60.0
 _BIAS_STD_M = 1.0
-_LEAST_SEEN_S = 2.0
+_MIN_SEEN_S = 2.0
 """Tracks that are seen for a shorter time are left out."""
 _UNSEEN_PER_S = 0.4
 """c, nats per second: one vehicle in three is missed, for seconds on end, or is not of a kind that is looked for."""
@@ -68,7 +68,7 @@ class OffsetFit:
     offset_s: float
     """δ, seconds."""
     std_s: float
-    """Its 1σ if the assignment is right."""
+    """1σ of the offset, seconds, if the assignment is right."""
     evidence: float
     """V, nats."""
     pairs: int
@@ -162,7 +162,7 @@ def _context(history: TrackHistory, path: CameraPath, reports: ReportLog, yaw: f
     """Context of the fit, over the whole film at once."""
     q = IdentifierParams()
     start, stop = float(history.t[0]), float(history.t[history.n - 1])
-    columns = np.flatnonzero(history.last_s - history.first_s >= _LEAST_SEEN_S)
+    columns = np.flatnonzero(history.last_s - history.first_s >= _MIN_SEEN_S)
     first, last = int(np.floor(start / q.block_s)), int(np.floor(stop / q.block_s))
     n, count = reports.n_vehicles, len(columns)
     camera = CameraState(
@@ -254,9 +254,7 @@ def _fitted(
 def _seen_blocks(
     context: UpdateContext, blocks: Blocks, theta: FloatArray, vehicle: IntArray, half_view: tuple[float, float]
 ) -> tuple[int, int]:
-    """In how many blocks vehicles are matched of those in which they should be well inside the picture; and of how
-    many.
-    """
+    """Count the blocks in which vehicles are matched, and those in which they should be well inside the picture."""
     block_s, first = context.block_s, context.first_block
     count = context.last_block - first + 1
     samples = context.samples

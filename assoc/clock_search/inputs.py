@@ -20,9 +20,9 @@ FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
 _STEP_S = 0.19
-"""Frames closer together than this, seconds, are thinned: a vehicle moves by little more than its own error."""
+"""Least time between two frames, seconds; others are thinned: a vehicle moves by little more than its own error."""
 _REPORT_STEP_S = 0.4
-"""The same of one vehicle's reports."""
+"""Least time between two reports of one vehicle, seconds; others are thinned."""
 _GAP_MAX_S = 0.8
 """Longest hole in a track that is bridged, seconds."""
 _NOWHERE = CameraState(
@@ -39,7 +39,7 @@ _NOWHERE = CameraState(
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CameraPath:
-    """Where the camera was and how it looked, over time. P samples."""
+    """Position and attitude of the camera over time. P samples."""
 
     t: FloatArray
     """(P,) seconds, increasing."""
@@ -139,7 +139,7 @@ def film_tracks(frames: Iterable[tuple[float, Observation]], length_s: float) ->
 
 
 def under_path(tracks: TrackHistory, path: CameraPath, ahead_s: float) -> TrackHistory:
-    """The film as taken by a camera on a path whose clock is ahead of the film's by so many seconds."""
+    """The film as taken by a camera on a path whose clock is ahead of the film's by this many seconds."""
     seen = copy(tracks)
     seen.R, seen.p = path.at(tracks.t + ahead_s)
     seen.z = np.full(len(tracks.t), path.ground_z)

@@ -1,4 +1,4 @@
-"""Which offset of the fleet's clock fits the film, and whether it can be relied on.
+"""Offset of the fleet's clock that fits the film, and whether it can be relied on.
 
 Offsets worth a closer look are fitted one by one, and about the best one others are held fixed, so that it is seen how
 wide it is. An offset is found where it explains the film far better than an unrelated fleet would and than any other
@@ -20,32 +20,32 @@ from assoc.clock_search.fine import OffsetFit, fit_at
 from assoc.clock_search.inputs import CameraPath, FleetLog
 from assoc.history import TrackHistory
 
-_STARTS, _LEAST_STARTS, _START_SHARE = 30, 10, 0.5
+_STARTS, _MIN_STARTS, _START_SHARE = 30, 10, 0.5
 """Most offsets that are fitted; and fewer where the rough score of the rest is less than a share of the best."""
 _WIDTH_S = 1.0
 """Offsets within it are one: the identifier finds the rest."""
 _ABOUT_S, _BESIDE_S = (-1.2, -0.8, -0.4, 0.0, 0.4, 0.8, 1.2), (-2.5, -1.6, 1.6, 2.5)
 """Offsets about the best at which it is held fixed: those by which it is smoothed, and others that it must surpass."""
-_LEAST = 45.0
+_MIN_EVIDENCE = 45.0
 """Evidence, nats, that no unrelated fleet reaches but for a few in a hundred."""
-_SHARE, _FEW_SHARE, _MOST_SHARE = 0.3, 0.5, 0.8
+_SHARE, _FEW_SHARE, _MAX_SHARE = 0.3, 0.5, 0.8
 """Share of the best evidence by which it must surpass the runner-up's, what is added for a single vehicle, half of it
-for two, and the most where little is explained ..."""
+for two, and the most where little is explained."""
 _MARGIN = 25.0
-"""... and how much at least, nats."""
+"""Least advantage of the best evidence over the runner-up's, nats."""
 _BESIDE_MARGIN = 10.0
-"""The same for offsets beside it, which share its errors; how wide it is tells its 1σ."""
+"""Least margin over offsets beside it, nats, which share its errors; how wide it is tells its 1σ."""
 _UNKNOWN_SHARE = 0.7
 """Share of what should be seen, where that is not known."""
 _WELL_EXPLAINED = 0.85
 """The right offset usually explains at least this share of what should be seen, by a nat for each second."""
-_LEAST_EXPLAINED = 0.5
+_MIN_EXPLAINED = 0.5
 """An offset that explains less is a chance fit, whatever the others do."""
 _LASTING = 2.0
 """1σ of what is found against that of the parabola: errors of UAV and receivers last, and are counted as if they did
 less."""
 _LARGEST_STD_S, _LARGEST_MOVE_S = 0.32, 0.6
-"""1σ of an offset that is told, and by how much smoothing may move it, seconds."""
+"""1σ of an offset that is reported, and by how much smoothing may move it, seconds."""
 
 
 class ClockVerdict(Enum):
@@ -57,7 +57,7 @@ class ClockVerdict(Enum):
     UNRELATED = "unrelated"
     """No offset fits better than an unrelated fleet would."""
     NO_OVERLAP = "no overlap"
-    """Within the bounds no report of the fleet is of the film's time, or nothing was seen for long enough."""
+    """No report of the fleet within the bounds is of the film's time, or nothing was seen for long enough."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -67,7 +67,7 @@ class ClockSearch:
     verdict: ClockVerdict
     best: OffsetFit | None
     runner_up: OffsetFit | None
-    """Best of those that are farther away than the width of the best: it comes nearest to what none may reach."""
+    """Offset that comes closest to being as good as the best, among those farther away than its width."""
     tried: int
     """Offsets that were fitted."""
 
@@ -86,7 +86,7 @@ def find_clock(
     """
     starts = coarse_starts(tracks, path, log, bounds_s, camera_too=camera_too, most=_STARTS)
     most = starts[0].score if starts else 0.0
-    starts = [start for k, start in enumerate(starts) if k < _LEAST_STARTS or start.score >= _START_SHARE * most]
+    starts = [start for k, start in enumerate(starts) if k < _MIN_STARTS or start.score >= _START_SHARE * most]
     fitted = [fit_at(tracks, path, log, start.offset_s, start.yaw, camera_too=camera_too) for start in starts]
     low, high = bounds_s
     fits = [fit for fit in fitted if fit is not None and fit.pairs and low <= fit.offset_s <= high]
@@ -133,7 +133,7 @@ def _allowed(best: OffsetFit, rival: OffsetFit) -> float:
     if near:
         return best.evidence - _BESIDE_MARGIN
     few = _FEW_SHARE / max(best.vehicles, 1)
-    share = min(_SHARE + few + max(_WELL_EXPLAINED - _explained(best), 0.0), _MOST_SHARE)
+    share = min(_SHARE + few + max(_WELL_EXPLAINED - _explained(best), 0.0), _MAX_SHARE)
     return best.evidence - max(_MARGIN, share * best.evidence)
 
 
@@ -144,7 +144,7 @@ def _explained(best: OffsetFit) -> float:
 
 
 def _verdict(best: OffsetFit, runner_up: OffsetFit | None) -> ClockVerdict:
-    if best.evidence < _LEAST or _explained(best) < _LEAST_EXPLAINED:
+    if best.evidence < _MIN_EVIDENCE or _explained(best) < _MIN_EXPLAINED:
         return ClockVerdict.UNRELATED
     if best.std_s > _LARGEST_STD_S:
         return ClockVerdict.AMBIGUOUS

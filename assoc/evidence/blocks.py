@@ -29,17 +29,17 @@ _HEADING_REACH_S = 12.0
 """Headings older than this, seconds, are not used: their weight would be below 2 %."""
 _FRONT, _REAR, _RANDOM = 0.88, 0.07, 0.05
 """Probability that the front a detector reports is the front, the rear, or random; some detectors report none."""
-_MOST_DISAGREEMENTS = 4.0
+_MAX_DISAGREEMENTS = 4.0
 """Lasting disagreement of headings counts as at most this many independent samples; agreement counts as one."""
 _SPEED_STD_MPS, _ACCELERATION_STD_MPS2 = 0.5, 1.0
 """1σ of the speed and of the acceleration of a vehicle whose report is extrapolated."""
-_LEAST_SPREAD_S2 = 1e-3
+_MIN_SPREAD_S2 = 1e-3
 """Spread of the times in a block from which a velocity can be fitted, s²."""
 _BOX_DOF = 6.0
 """Degrees of freedom that what is assumed of boxes counts for, beside what they show."""
-_LEAST_BOXES = 3
+_MIN_BOXES = 3
 """Boxes of a block from which on they show their noise; a film of two frames a second has two, and takes two blocks."""
-_MOST_BOX_VAR = 1.0
+_MAX_BOX_VAR = 1.0
 """Upper limit of what one block shows of a box's variance, m²: a track that changes its vehicle is not noise."""
 _LOG_VAR = 2.0 * np.log(WHITE_STD_M)
 """(G,) ln of the variances for which the null model is known."""
@@ -74,7 +74,7 @@ class Blocks:
 
 
 def _nearest_seen(seen: BoolArray) -> tuple[IntArray, IntArray]:
-    """For every row the last seen row at or before it (−1 none) and the first at or after it (F none)."""
+    """Return for every row the last seen row at or before it (−1 none) and the first at or after it (F none)."""
     rows = np.arange(len(seen))[:, None]
     before = np.maximum.accumulate(np.where(seen, rows, -1), axis=0)
     after = np.minimum.accumulate(np.where(seen, rows, len(seen))[::-1], axis=0)[::-1]
@@ -155,8 +155,8 @@ def _by_block(
     square = np.where(seen, tracks.pixel_m[rows] ** 2, 0.0)
     velocity, scatter = _straight_lines(tracks.t[rows], tracks.p[rows], seen, starts)
     boxes = total
-    if np.max(total) < _LEAST_BOXES:  # fewer are on a straight line whatever their noise
-        longer = starts[:: math.ceil(_LEAST_BOXES / max(np.max(total), 1.0))]
+    if np.max(total) < _MIN_BOXES:  # fewer are on a straight line whatever their noise
+        longer = starts[:: math.ceil(_MIN_BOXES / max(np.max(total), 1.0))]
         boxes = np.add.reduceat(seen.astype(np.float64), longer, axis=0)
         scatter = _straight_lines(tracks.t[rows], tracks.p[rows], seen, longer)[1]
     box[where] = _box_variance(pixel_var * np.add.reduceat(square, starts, axis=0) / count, total > 0.0, scatter, boxes)
@@ -181,7 +181,7 @@ def _straight_lines(t: FloatArray, p: FloatArray, seen: BoolArray, starts: IntAr
     sqq = np.add.reduceat(np.sum(q * q, axis=2), starts, axis=0)
     # v = (k Σtp − Σt Σp) / (k Σt² − (Σt)²)
     spread = k * sww - sw * sw
-    safe = np.where(spread > _LEAST_SPREAD_S2, spread, np.inf)
+    safe = np.where(spread > _MIN_SPREAD_S2, spread, np.inf)
     v = (k[..., None] * swq - sw[..., None] * sq) / safe[..., None]
     # Σ|p − p̄ − v (t − t̄)|² = Σ|p|² − |Σp|²/k − |v|² (Σt² − (Σt)²/k)
     about = sqq - np.sum(sq * sq, axis=2) / np.maximum(k, 1.0) - np.sum(v * v, axis=2) * spread / np.maximum(k, 1.0)
@@ -202,7 +202,7 @@ def _box_variance(assumed: FloatArray, seen: BoolArray, scatter: FloatArray, cou
     """
     # two numbers of each axis are fitted
     dof = 2.0 * np.maximum(count - 2.0, 0.0)
-    scatter = np.minimum(scatter, _MOST_BOX_VAR * dof)
+    scatter = np.minimum(scatter, _MAX_BOX_VAR * dof)
     everywhere = np.sum(assumed, where=seen) / max(int(np.count_nonzero(seen)), 1)
     usual = (_BOX_DOF * everywhere + np.sum(scatter)) / (_BOX_DOF + np.sum(dof))
     own = (_BOX_DOF * usual + np.sum(scatter, axis=0)) / (_BOX_DOF + np.sum(dof, axis=0))
@@ -295,7 +295,7 @@ def _mean_heading(error: FloatArray, t: FloatArray, pair: IntArray, n_pairs: int
     weight = np.exp((t - np.max(t, initial=-np.inf)) / _HEADING_MEMORY_S)
     k = np.bincount(pair, weight, n_pairs)
     mean = np.bincount(pair, weight * _heading_ratio(error, std), n_pairs) / np.maximum(k, 1e-9)
-    return np.asarray(mean * np.minimum(k, np.where(mean > 0.0, 1.0, _MOST_DISAGREEMENTS)))
+    return np.asarray(mean * np.minimum(k, np.where(mean > 0.0, 1.0, _MAX_DISAGREEMENTS)))
 
 
 def with_extrapolated_block(

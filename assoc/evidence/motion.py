@@ -102,12 +102,12 @@ class _NullState:
 
 @dataclass(frozen=True, slots=True)
 class _Past:
-    """All samples of n vehicles up to one of each."""
+    """Null models of n vehicles after all samples up to one of each vehicle's."""
 
     state: _NullState
-    """After that sample."""
+    """State after the newest sample."""
     earlier: _NullState
-    """Before it, where it is far aside; else the time is NaN."""
+    """State before that sample, where it is far aside; else the time is NaN."""
     score: FloatArray
     """(n, G) ln likelihood of the candidates."""
     t: FloatArray
@@ -129,7 +129,7 @@ class _Report(NamedTuple):
     p: list[float]
     """East and north, metres."""
     v: list[float]
-    """Their speed, m/s, NaN unknown."""
+    """Velocity to east and north, m/s; NaN unknown."""
     heading: float
     std_m: float
 
@@ -171,7 +171,7 @@ class ReportLog:
         self.rejected_since = np.full(n, np.inf)
         """(n,) time, seconds, from which a vehicle's reports are rejected because they give another vehicle's place."""
         self._before, self._now = _no_past(n), _no_past(n)
-        """Without and with the newest sample."""
+        """Samples without and with the newest one."""
         self._outliers: dict[tuple[int, float], BoolArray] = {}
         """(G,) for which candidates a sample, by vehicle and time, is an outlier."""
         self.white_index: int
@@ -309,7 +309,7 @@ class ReportLog:
         return other
 
     def later(self, seconds: float) -> ReportLog:
-        """A copy in which all was reported so many seconds later."""
+        """A copy in which all was reported this many seconds later."""
         other, kept = copy(self), self._all()
         other._whole = replace(kept, t=kept.t + seconds)
         other._outliers = {(vehicle, t + seconds): found for (vehicle, t), found in self._outliers.items()}
@@ -367,7 +367,7 @@ class ReportLog:
                 self.last_v[unknown] = to_east_north(self._now.state.speed[unknown, self.white_index])
 
     def _close(self, vehicle: IntArray) -> None:
-        """Nothing is added any more to the newest samples of some vehicles."""
+        """Close the newest samples of some vehicles: nothing is added to them any more."""
         some = vehicle[np.isfinite(self._open.t[vehicle])]
         if not len(some):
             return

@@ -1,4 +1,4 @@
-"""Which vehicles should be in view, by where they report to be."""
+"""Vehicles that should be in view, by where they report to be."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _FRESH_S = 3.0
 def chance_in_view(
     p: FloatArray, age_s: FloatArray, std_m: float, camera: CameraState, theta: FloatArray
 ) -> FloatArray:
-    """How likely each vehicle is inside the image's border.
+    """Return the probability that each vehicle is inside the image's border.
 
     With the place as (x, y, z) in the camera's frame and t the tangent of half the view, it is inside by
     m = min(t_x z − |x|, t_y z − |y|) metres, uncertain by σ:  P = Φ(m/σ) exp(−age/3 s).

@@ -34,8 +34,8 @@ _SAME_TIME_S = 0.6
 """Offset of the clocks up to which a rotation found by the image holds, seconds: a UAV that speeds up meanwhile is
 decimetres elsewhere."""
 _AHEAD_S, _AHEAD_M = 0.25, 1.5
-"""A camera's position is extrapolated beyond its reports for so long, seconds, or so far, metres: a UAV that brakes
-hard is half a metre elsewhere by then."""
+"""Longest time, seconds, and way, metres, by which a camera's position is extrapolated beyond its reports: a UAV that
+brakes hard is half a metre elsewhere by then."""
 _BOX_STD_M, _BOX_STD_RAD = 0.4, 0.004
 """1σ of a box's place on the ground, metres, and of its angle, radians: boxes are not round quite the same points."""
 

@@ -29,16 +29,17 @@ _LIES = 0.02
 """π, chance that a vehicle without a track of its own reports the place of another."""
 _UNSEEN_BESIDE = 0.03
 """ν, chance that it drives in the same traffic and has no box."""
-_LEAST = 0.0
+_MIN_LOG_COPY = 0.0
 """ln N from which a vehicle is weighed."""
 
 _REACH_STD = 6.0
-"""Biases of so many σ_b are no vehicle's own: one that reports to be further away from a track does not copy it."""
+"""Biases of this many σ_b are no vehicle's own: one that reports to be further away from a track does not copy it."""
 _WEAK = 8.0
 """Score, nats, below which a vehicle has no track of its own worth the name."""
 _EITHER_FIT, _EITHER_FIT_SHARE = 12.0, 0.1
-"""By how much one of two that report one place with errors of their own may fit better: nats, and share of its E."""
-_MOST_BESIDE = 4.0
+"""Amount by which one of two that report one place with errors of their own may fit better: nats, and share of its
+E."""
+_MAX_BESIDE = 4.0
 """Upper limit of ln F/N̄ and of what motion tells: certain enough, whatever a copy does that has no model."""
 _SIZE_SPREAD = 0.3
 """1σ of ln σ_b: it is learnt from a dozen biases, and some vehicles wander more than others."""
@@ -74,7 +75,7 @@ def shared_tracks(
     """
     beside = _beside(bias, bias_std)
     log_copy = evidence + np.log(_LIES + beside)
-    if not np.any(np.sum(log_copy > _LEAST, axis=1) > 1):
+    if not np.any(np.sum(log_copy > _MIN_LOG_COPY, axis=1) > 1):
         return []
     gap = look_alike_gap(bias, bias_std)
     choice = best_assignment(score)
@@ -84,9 +85,9 @@ def shared_tracks(
     # who may be at another's track besides, and at which one best
     away2 = np.sum(bias * bias, axis=2)
     reach = min(SPREAD_M, _REACH_STD * bias_std)
-    possible = (log_copy > _LEAST) & (own < _WEAK) & ~elsewhere & (away2 < reach**2)
+    possible = (log_copy > _MIN_LOG_COPY) & (own < _WEAK) & ~elsewhere & (away2 < reach**2)
     possible[taken, choice[taken]] = False
-    possible &= (choice >= 0)[:, None] & (log_copy[np.arange(len(score)), choice] > _LEAST)[:, None]
+    possible &= (choice >= 0)[:, None] & (log_copy[np.arange(len(score)), choice] > _MIN_LOG_COPY)[:, None]
     at = np.argmin(np.where(possible, away2, np.inf), axis=0)
     copies = np.any(possible, axis=0)
     found = []
@@ -161,7 +162,7 @@ def _late(evidence: FloatArray) -> FloatArray:
     """
     best = np.max(evidence)
     less = best - evidence - _EITHER_FIT - _EITHER_FIT_SHARE * np.maximum(best, 0.0)
-    return np.asarray(_UNSEEN_BESIDE * np.exp(np.minimum(less, _MOST_BESIDE)))
+    return np.asarray(_UNSEEN_BESIDE * np.exp(np.minimum(less, _MAX_BESIDE)))
 
 
 def _beside(bias: FloatArray, bias_std: float) -> FloatArray:
@@ -176,4 +177,4 @@ def _beside(bias: FloatArray, bias_std: float) -> FloatArray:
     var = (bias_std * _SIZE_NODES) ** 2
     density = np.log(_SIZE_WEIGHTS / var) - np.sum(bias * bias, axis=-1)[..., None] / (2.0 * var)
     gap = 2.0 * np.log(SPREAD_M) + np.logaddexp.reduce(density, axis=-1)
-    return np.asarray(_UNSEEN_BESIDE * np.exp(-np.maximum(gap, -_MOST_BESIDE)))
+    return np.asarray(_UNSEEN_BESIDE * np.exp(-np.maximum(gap, -_MAX_BESIDE)))

@@ -14,7 +14,7 @@ FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 BoolArray = NDArray[np.bool_]
 
-_LEAST_WEIGHT = 1e-4
+_MIN_WEIGHT = 1e-4
 """Hypotheses with less than this share of the best one's weight are left out."""
 
 
@@ -49,7 +49,7 @@ def mixed_marginals(
     m, n = hypotheses[0].score.shape
     total, used = np.zeros((m, n + 1)), 0.0
     for hypothesis, w in zip(hypotheses, share, strict=True):
-        if w >= _LEAST_WEIGHT * np.max(share):
+        if w >= _MIN_WEIGHT * np.max(share):
             bias = hypothesis.final.mean[:m]
             shared = shared_tracks(
                 hypothesis.score, hypothesis.score - in_view - context.log_odds, bias, bias_std, elsewhere

@@ -11,7 +11,7 @@ FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 BoolArray = NDArray[np.bool_]
 
-_MOST_BIAS_GAP = 5.0
+_MAX_BIAS_GAP = 5.0
 """Upper limit of |M|²/2σ_b², nats: how strongly a large bias may speak for a look-alike."""
 SPREAD_M = 12.0
 """Distance over which a look-alike may follow one of our vehicles, metres."""
@@ -28,20 +28,20 @@ def look_alike_gap(bias: FloatArray, bias_std: float) -> FloatArray:
         bias: (m, n, 2) bias means M, metres.
         bias_std: σ_b, metres.
     """
-    near = np.minimum(np.sum(bias * bias, axis=2) / (2.0 * bias_std**2), _MOST_BIAS_GAP)
+    near = np.minimum(np.sum(bias * bias, axis=2) / (2.0 * bias_std**2), _MAX_BIAS_GAP)
     return np.asarray(2.0 * np.log(SPREAD_M / bias_std) - near)
 
 
 @dataclass(frozen=True, slots=True)
 class Discounts:
-    """How far look-alikes explain the reports of vehicles."""
+    """Shares of the vehicles' reports that look-alikes explain."""
 
     log_d: FloatArray
     """(m, n) ln D_j for the age of each track."""
     changed: BoolArray
-    """(m, n) scores that a change of vehicle would leave of others."""
+    """(m, n) scores that a change of vehicle would lower: what they had before it is another vehicle's."""
     kept: BoolArray
-    """(m, n) those that they may be rests of."""
+    """(m, n) scores of the best assignment and the best of each vehicle, of which a changed one may be what is left."""
 
 
 def discounts(
@@ -54,7 +54,7 @@ def discounts(
     age_s: FloatArray,
     vehicle: IntArray,
 ) -> Discounts:
-    """The chance that a vehicle has no box, and a track beside it moves as it does.
+    """Discounts for the chance that a vehicle has no box, and a track beside it moves as it does.
 
     Clutter that follows vehicle j at a distance, or others of its formation, fit j's motion with an offset that is no
     bias. Their likelihood is that of the pair with the bias density N(M; 0, σ_b²) replaced by a flat one

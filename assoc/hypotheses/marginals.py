@@ -134,7 +134,8 @@ def marginals(score: FloatArray) -> FloatArray:
 
 
 def exact_marginals(score: FloatArray) -> FloatArray:
-    """The same by summing over all assignments: forward and backward over rows, states are sets of taken columns.
+    """Compute marginals by summing over all assignments: forward and backward over rows, states are sets of taken
+    columns.
 
     With f_i(S) the weight of all ways in which the first i rows take exactly the set S and g_i(S) that of the rows
     from i on given S,  p_ij ∝ Σ_{S ∌ j} f_i(S) ψ_ij g_{i+1}(S ∪ j).  Logs throughout; costs m·n·2ⁿ.
@@ -167,7 +168,7 @@ def exact_marginals(score: FloatArray) -> FloatArray:
 
 
 def loopy_marginals(score: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """The same approximately, by loopy belief propagation: exact without loops, overconfident with short ones.
+    """Approximate marginals by loopy belief propagation: exact without loops, overconfident with short ones.
 
     Reference: Williams and Lau, "Approximate evaluation of marginal association probabilities with belief
     propagation", IEEE TAES 50(4), 2014.

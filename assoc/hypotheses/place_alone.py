@@ -1,4 +1,4 @@
-"""How sure a name can be that rests on place alone.
+"""Greatest certainty of a name that rests on place alone.
 
 Of two vehicles that drive alike, D apart, the wrong naming has the squared biases |b_1 + D|² + |b_2 − D|² instead of
 |b_1|² + |b_2|², which costs it
@@ -34,9 +34,9 @@ _SIZE_NODES, _SIZE_WEIGHTS = np.exp(0.5 * np.sqrt(3.0) * np.array([-1.0, 0.0, 1.
 """Factors and weights that integrate over σ_b, log-normal with 1σ of 0.5: a dozen biases do not tell it better, and
 those of wrong names make it look small."""
 _USUAL_STD = 4.0
-"""Losses up to so many 1σ above the mean are those of place alone, of the likeliest of many namings and without a new
-pose for the others; what is beyond was shown by motion."""
-_LEAST = 0.88
+"""Number of 1σ above the mean up to which a loss is that of place alone, of the likeliest of many namings and without a
+new pose for the others; what is beyond was shown by motion."""
+_MIN_LIMIT = 0.88
 """Lowest limit: below it the alternatives are weighed by their own evidence, but no name is sure."""
 
 _FOUND = 0.9
@@ -79,7 +79,7 @@ def limit_by_place(p: FloatArray, score: FloatArray, away: FloatArray, bias_std:
     shown = np.exp(-np.maximum(loss[..., None] - usual, 0.0))
     wrong = (ndtr(-ratio / np.sqrt(2.0)) * shown) @ _SIZE_WEIGHTS
     doubt = np.sum(wrong, axis=1)
-    limit = np.maximum(1.0 - doubt, _LEAST)
+    limit = np.maximum(1.0 - doubt, _MIN_LIMIT)
     over = np.maximum(p[rows, vehicle] - limit, 0.0)
     p = p.copy()
     p[rows, vehicle] -= over
@@ -131,7 +131,8 @@ def log_odds_among_strangers(
 
 
 class StrangerLimit:
-    """Limits names by those odds, the best ones of late: a report that goes wrong is no stranger's.
+    """Limit of names by their odds against a stranger, the best ones of late: a report that goes wrong is no
+    stranger's.
 
     A stranger would have had to stand where the vehicle reported to be all the time. So the odds that a name had once
     are forgotten slowly.

@@ -182,7 +182,7 @@ def log_evidence(
     noise: Noise,
     models: BiasModels,
 ) -> FloatArray:
-    """How well models of the biases explain the residuals of some pairs.
+    """Return the evidence of models of the biases by the residuals of some pairs.
 
     ln p = −Σ ln s − ½ Σ |e|²/s over the innovations e of each pair's bias filter
 

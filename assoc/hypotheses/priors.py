@@ -28,18 +28,18 @@ _GROSS: tuple[tuple[int, FloatArray, float, float], ...] = (
     (LAG, np.array([0.6, 1.2]), 0.3, 1e-2),
 )
 """Gross errors: which number of θ, about which means, with which 1σ, and the weight of each in the prior: cameras
-mounted turned, a gimbal's angle that is not told, video that is late or dated by another clock, positions that are
+mounted turned, a gimbal's angle that is not reported, video that is late or dated by another clock, positions that are
 older than they say."""
 _LAG_STD_S = 0.12
 """Prior 1σ of the age of the UAV's positions beyond their time stamps, seconds: a receiver takes a tenth, of which
 autopilots take out most."""
-_LEAST_FLIGHT_MPS = 2.0
+_MIN_FLIGHT_MPS = 2.0
 """Speed of a flight below which no age of a position matters, m/s."""
 
 _OTHER_HEIGHT_STD_M, _OTHER_HEIGHT_SHARE = 6.0, 0.3
 """1σ of the height that another source gives, metres, and its weight in the prior: they are nearly on a par."""
 _HILLS_M, _HILL_SHARE = (0.0, 12.0, -12.0, 24.0, -24.0), 0.01
-"""By how much that source may be off too, metres, and the weight of each but the first."""
+"""Amounts by which that source may be off too, metres, and the weight of each but the first."""
 
 
 def noise_of(
@@ -103,7 +103,7 @@ def prior_of(q: IdentifierParams, camera: CameraState, offset_std_s: float, spee
     std = np.array([yaw, rate, tilt, tilt, level, level, height, offset_std_s, _LAG_STD_S], np.float64)
     # along a road an offset of seconds is a shift, and what does not fit of it would be taken for a sway
     sways = free and not camera.stabilized
-    others = [] if sways else list(_gross_errors(std, attitude_known=not free, flies=speed_mps > _LEAST_FLIGHT_MPS))
+    others = [] if sways else list(_gross_errors(std, attitude_known=not free, flies=speed_mps > _MIN_FLIGHT_MPS))
     return PosePrior(std=std, others=(*_other_heights(std, camera.other_heights_m), *others))
 
 

@@ -33,12 +33,12 @@ _SWAP_LOSS = 40.0
 _UNSEEN_SCORE_MAX, _UNSEEN_LOSS_PER_S = 8.0, 20.0
 """Upper limit of the score of an unseen track that another one replaced, nats, and what the score of any unseen track
 loses per second, nats/s."""
-_SHIFT_STD, _LEAST_SHIFT_M, _DISTINCT_SHIFT_M = 4.0, 1.0, 1.5
+_SHIFT_STD, _MIN_SHIFT_M, _DISTINCT_SHIFT_M = 4.0, 1.0, 1.5
 """Shifts are tried up to this many prior σ, from this many metres on, and at this distance from one another, metres."""
 _TURN_DEG, _SIDE_DEG = 20.0, 12.0
 """Starting headings: all round in steps of the first where none is known, else the second to both sides."""
 _WIDE_OFFSET_S, _OFFSET_START_S = 0.2, 0.35
-"""Where the prior 1σ of the clock offset exceeds the first, seconds, ± the second are starting offsets too."""
+"""Prior 1σ of the clock offset above which starting offsets of ± the second are tried too, seconds."""
 _NEGLIGIBLE = 12.0
 """Hypotheses this far below the best, nats, carry no weight."""
 _RELINEARISE = np.array([0.03, 1e-3, 0.015, 0.015, np.inf, np.inf, 2.0, 0.1, 0.15])
@@ -96,7 +96,7 @@ class UpdateContext:
     fold: int
     """Blocks that leave the window with this update."""
     sway: Sway | None = None
-    """How the camera wanders about the pose that is reported; None: not known to."""
+    """Sway of the camera about the pose that is reported; None: not known to."""
 
     def rows_under(self, theta: FloatArray) -> tuple[int, FloatArray | None]:
         """The history's first row in the window under θ, and (F, 9) the sway from there on."""
@@ -105,12 +105,12 @@ class UpdateContext:
         return start, None if self.sway is None else self.sway.at(self.history.t[start : self.history.n])
 
     def with_reports(self, log: ReportLog) -> UpdateContext:
-        """The same with other reports."""
+        """Return the context with other reports."""
         samples = samples_of_window(log, self.first_block, self.last_block, self.block_s)
         return replace(self, log=log, samples=samples)
 
     def without_memory(self) -> UpdateContext:
-        """The same from the window alone: no ended tracks, nothing remembered from before it, no sway."""
+        """Return the context of the window alone: no ended tracks, nothing remembered from before it, no sway."""
         return replace(
             self,
             columns=self.columns[: self.live],
@@ -122,7 +122,8 @@ class UpdateContext:
         )
 
     def moved(self, theta: FloatArray, origin: FloatArray) -> UpdateContext:
-        """The same as if the pose had always been another: what is remembered of residuals is a shift further.
+        """Return the context as if the pose had always been another: what is remembered of residuals is a shift
+        further.
 
         Else a fleet that was matched one place off would stay there, however much its window speaks for the other.
 
@@ -306,7 +307,7 @@ def _with_assignment(context: UpdateContext, best: Hypothesis, vehicle: IntArray
 
 def is_shifted(theta: FloatArray, origin: FloatArray) -> bool:
     """Tell whether two poses (9,) differ by more than an estimate wanders: by the place of a neighbour."""
-    return bool(np.hypot(*(theta - origin)[[EAST, NORTH]]) >= _LEAST_SHIFT_M)
+    return bool(np.hypot(*(theta - origin)[[EAST, NORTH]]) >= _MIN_SHIFT_M)
 
 
 def shifts(context: UpdateContext, best: Hypothesis, most: int) -> list[FloatArray]:
@@ -323,7 +324,7 @@ def shifts(context: UpdateContext, best: Hypothesis, most: int) -> list[FloatArr
     for k in np.argsort(far, kind="stable"):
         if far[k] > limit or len(starts) >= most:
             break
-        if far[k] < _LEAST_SHIFT_M or any(np.hypot(*(residual[k] - other)) < _DISTINCT_SHIFT_M for other in taken):
+        if far[k] < _MIN_SHIFT_M or any(np.hypot(*(residual[k] - other)) < _DISTINCT_SHIFT_M for other in taken):
             continue
         taken.append(residual[k])
         theta = best.theta.copy()

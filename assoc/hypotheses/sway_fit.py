@@ -29,15 +29,15 @@ IntArray = NDArray[np.int64]
 _STEP_S = 0.25
 """Interval between two knots, seconds: what sways faster is seen by the boxes."""
 _AHEAD_S = 1.0
-"""The sway is predicted so far beyond the newest frame, seconds, for the frames until the next update."""
+"""Time beyond the newest frame, seconds, for which the sway is predicted, for the frames until the next update."""
 _JITTER = 1e-4
 """Part of σ² that is added to each knot's variance, so that the covariance can be inverted."""
-_MOST = 5.0
-"""Where the sway or θ would be so many σ off, the hypothesis is wrong."""
-_LEAST_VEHICLES = 3
-"""Fewer do not tell a turn of the camera from what their own reports err."""
-_MOST_PAIRS = 12
-"""More hardly tell more, and the work grows with them."""
+_MAX_SIGMAS = 5.0
+"""Number of σ of the sway or θ beyond which the hypothesis is wrong."""
+_MIN_VEHICLES = 3
+"""Least number of vehicles: fewer do not tell a turn of the camera from what their own reports err."""
+_MAX_PAIRS = 12
+"""Most pairs that are fitted: more hardly tell more, and the work grows with them."""
 _OUTLIER = 3.0
 """A residual of more σ weighs less."""
 _ROUNDS = 2
@@ -58,8 +58,8 @@ def fit_sway(context: UpdateContext, hypothesis: Hypothesis, prior: SwayPrior) -
         θ (9,) and the sway, which continues beyond the newest frame; None: too few vehicles, or none explains them.
     """
     theta = hypothesis.theta
-    rows, vehicles = (of[:_MOST_PAIRS] for of in posing_pairs(context, hypothesis.vehicle))
-    if len(np.unique(vehicles)) < _LEAST_VEHICLES:
+    rows, vehicles = (of[:_MAX_PAIRS] for of in posing_pairs(context, hypothesis.vehicle))
+    if len(np.unique(vehicles)) < _MIN_VEHICLES:
         return None
     start, before = context.rows_under(theta)
     tracks = ground_tracks(context.history, start, theta, context.columns[rows], before)
@@ -98,7 +98,7 @@ def fit_sway(context: UpdateContext, hypothesis: Hypothesis, prior: SwayPrior) -
     sway = Sway(t=knots, off=s.reshape(-1, len(prior.axes)), prior=prior, cost=prior.counted * float(spent))
     fitted = theta + np.concatenate([x[posed], np.zeros(THETA - _FREE)])
     off = np.abs(fitted - part.mean)[:_FREE] / part.std[:_FREE]
-    if not (np.all(np.abs(sway.off) < _MOST * std) and np.all(off < _MOST)):
+    if not (np.all(np.abs(sway.off) < _MAX_SIGMAS * std) and np.all(off < _MAX_SIGMAS)):
         return None
     return fitted, sway
 

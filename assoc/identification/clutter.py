@@ -1,4 +1,4 @@
-"""How probable look-alikes are that are none of ours."""
+"""Probability of look-alikes that are none of ours."""
 
 from __future__ import annotations
 

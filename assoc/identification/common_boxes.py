@@ -21,7 +21,7 @@ _LONGER = 1.35
 """A box of this many times its vehicle's length is a common one: noise and turning make it longer by up to a fifth, a
 second vehicle beside or behind by half to twice."""
 _RIGHT = 0.75
-"""How often the name of a long box is right: about half of those round two vehicles, nearly all of those that are long
+"""Share of long boxes whose name is right: about half of those round two vehicles, nearly all of those that are long
 for another reason, as where a detector's boxes vary."""
 _CERTAIN = 0.9
 """Probability of a name from which the box's length is learnt as the vehicle's."""
@@ -31,10 +31,10 @@ while a common one may last for seconds. A vehicle twice as long as the others i
 boxes that are so short that they may be round a part of the vehicle."""
 _PART = 0.72
 """Share of its vehicle's length up to which a box may be round a part of it."""
-_LEAST_BOXES = 3
+_MIN_BOXES = 3
 """Boxes from which their median tells the length of vehicles that were not learnt yet."""
 _LONGEST_STEP_S = 0.5
-"""Frames further apart count as so far apart, seconds."""
+"""Longest time between two frames that counts, seconds."""
 
 
 class CommonBoxes:
@@ -74,9 +74,9 @@ class CommonBoxes:
     def _usual(self, length: FloatArray) -> float:
         """Length of a vehicle of which nothing is learnt: the median of those known, else of the boxes; NaN unknown."""
         known = self._length_m[np.isfinite(self._length_m)]
-        if len(known) >= _LEAST_BOXES:
+        if len(known) >= _MIN_BOXES:
             return float(median(known.tolist()))
-        return float(median(length.tolist())) if len(length) >= _LEAST_BOXES else np.nan
+        return float(median(length.tolist())) if len(length) >= _MIN_BOXES else np.nan
 
     def _learn(self, t: float, vehicle: NDArray[np.int64], seen: FloatArray, own: FloatArray, sure: BoolArray) -> None:
         """Move the vehicles' lengths (k,) from what they were, ``own``, towards those seen, where names are sure."""

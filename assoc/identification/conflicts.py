@@ -18,7 +18,7 @@ BoolArray = NDArray[np.bool_]
 _LASTING_S = 2.0
 """A contradiction is reported once it has lasted this long, seconds: neighbours look like doubles for a moment."""
 _TIMEOUT_S = 1.0
-"""How long a double stays valid without being observed again, seconds."""
+"""Time for which a double stays valid without being observed again, seconds."""
 _REACH_STD, _HYSTERESIS = 2.5, 2.0
 """Two vehicles count as reporting one place if closer than the first times σ of the bias plus one σ of the white noise;
 once one is known to have jumped there, the second times as far is allowed."""
@@ -42,9 +42,9 @@ class _Double:
     row: int
     """Row of the track there."""
     since: float
-    """When this was observed first, seconds."""
+    """Time at which this was observed first, seconds."""
     last: float
-    """When this was observed last, seconds."""
+    """Time at which this was observed last, seconds."""
     jumper: int = _UNKNOWN
     """Index of the vehicle whose reports jumped there, further than a vehicle can move; −1 none."""
 

@@ -1,4 +1,4 @@
-"""Why an answer is less sure than its evidence alone makes it.
+"""Reasons why an answer is less sure than its evidence alone makes it.
 
 After joint hypotheses have given the marginals of each track, steps lower what else is known to go wrong, in the order
 of :class:`AnswerDoubt`: to 7 at each update, the others in each frame. Each takes and returns marginals whose rows add
@@ -29,7 +29,7 @@ class AnswerDoubt(IntEnum):
     DOUBLE = 2
     """Another vehicle reports the same place."""
     PLACE = 3
-    """A neighbour stands so near that receivers' errors exchange the two, or a stranger does."""
+    """A neighbour stands near enough for receivers' errors to exchange the two, or a stranger does."""
     UNPROVEN = 4
     """The vehicles have not driven like their boxes for long enough yet."""
     WANDERING = 5
@@ -37,7 +37,7 @@ class AnswerDoubt(IntEnum):
     MISSING = 6
     """One of ours is not accounted for, so that the box may not be a stranger's."""
     UNSTEADY = 7
-    """It has not been as probable for two seconds yet."""
+    """The answer has not been as probable for two seconds yet."""
     COMMON_BOX = 8
     """The box is probably round two vehicles."""
     ELSEWHERE = 9
@@ -72,7 +72,7 @@ class Doubted:
         return cls(p, np.argmax(p, axis=1), np.full(m, AnswerDoubt.NONE, np.int64), np.full(m, _NOTED))
 
     def after(self, doubt: AnswerDoubt, p: FloatArray) -> Doubted:
-        """After a step that gave (m, n + 1) p; what it took counts where no other took more."""
+        """Marginals after a step that gave (m, n + 1) p; what it took counts where no other took more."""
         rows = np.arange(len(p))
         taken = self.p[rows, self.answer] - p[rows, self.answer]
         more = taken > self.taken

@@ -163,9 +163,8 @@ class Estimator:
 
     @property
     def fit_probability(self) -> float:
-        """That film and telemetry belong together; NaN unknown: before the first update, and while they fit only by
-        the comparison that names are not given by.
-        """
+        """Probability that film and telemetry belong together; NaN unknown: before the first update, and while they fit
+        only by the comparison that names are not given by."""
         return float("nan") if not self.fit.fits and self._other_errors.may_fit else self.fit.probability
 
     @property
@@ -175,7 +174,7 @@ class Estimator:
 
     @property
     def height_error(self) -> tuple[float, float] | None:
-        """By how much the camera is higher above the ground, and 1σ, metres, where another source's height fits."""
+        """Amount by which the camera is higher above the ground, and 1σ, metres, where another source's height fits."""
         if not (self._other_height and self.fit.fits):
             return None
         return float(self._thetas[0][HEIGHT]), float(self.theta_std[HEIGHT])
@@ -303,7 +302,7 @@ class Estimator:
         elsewhere: BoolArray,
         places: FloatArray,
     ) -> Doubted:
-        """Marginals as they are told: no stranger is sure while one of ours is missing, and no answer at once."""
+        """Marginals as they are reported: no stranger is sure while one of ours is missing, and no answer at once."""
         log, live = self._log, context.columns[: context.live]
         _, age = log.extrapolated(t - self.time_offset_s)
         fleet = Whereabouts(place=log.last_p, age_s=age, view=context.view, last_t=log.believed_t)
@@ -339,7 +338,8 @@ class Estimator:
         return UpdateResult(context.columns[: context.live], told.p, told.doubt, ())
 
     def predicted(self, t: float) -> tuple[FloatArray, FloatArray]:
-        """Where the vehicles' tracks are expected under the correction: (n, 2) metres, (n,) variance per axis, m²."""
+        """Return the places where the vehicles' tracks are expected under the correction: (n, 2) metres, (n,) variance
+        per axis, m²."""
         q = self._params
         p, age = self._log.extrapolated(t - self.time_offset_s)
         mean, var = self._bias_memory.recall(t, self._bias_std, self._tau_s)
@@ -418,7 +418,7 @@ class Estimator:
         )
 
     def _update_anchors(self, live: IntArray) -> None:
-        """Confidently named tracks that ended go on constraining the pose while they are in the window."""
+        """Update which confidently named tracks that ended go on constraining the pose while they are in the window."""
         assert self._first_block is not None
         start = self._first_block * self._params.block_s
         for column in self._history.release(start - 1.0).tolist():

@@ -1,4 +1,4 @@
-"""Do film and telemetry belong together: does the fleet as a whole explain the boxes better than chance?
+"""Fit of film and telemetry: does the fleet as a whole explain the boxes better than chance?
 
 Names are meaningless where the film is of another place or minute, or the camera looks elsewhere than the mission says;
 single vehicles may still fit single boxes. Against "the film is of something else" stands the evidence of all matched
@@ -13,7 +13,7 @@ no box counts against the fit, a vehicle that need not be in view does not. Each
 which any two that drive alike bring.
 
 Receivers whose errors wander faster than any model of them make every pair lose by its motion although all boxes stay
-where the vehicles report to be. So V is also taken from place alone, with a residual that is drawn anew every few
+where the vehicles report to be. So V is also taken from place alone, with a residual that is drawn again every few
 seconds (:func:`assoc.evidence.likelihood.place_ratio`). What chance reaches among these very boxes is measured with
 decoys, for each of the two: the same reports, turned vehicle by vehicle.
 """
@@ -43,7 +43,7 @@ _PRIOR_LOG_ODDS = -3.0
 few decoys alone, and the luckiest of many moments must not be enough for a name."""
 _FITS = 0.5
 """Probability from which what is learnt from names may be trusted."""
-_MOST, _LEAST = 15.0, -30.0
+_MAX_EVIDENCE, _MIN_EVIDENCE = 15.0, -30.0
 """Bounds of the remembered evidence, nats: so that what no longer fits is noticed within seconds."""
 _FORGET_S, _DOUBT_S, _BLIND_S = 8.0, 2.0, 8.0
 """Time constants τ₁, τ₂, and τ₂ of a camera that shakes, seconds: tracks break and vehicles are hidden for moments."""
@@ -59,11 +59,11 @@ _ALIKE = 0.3
 _BETTER = 15.0
 """Evidence by which a fleet that is there explains the boxes better than chance, nats, however wrong the pose is."""
 _RARE = 3.0
-"""How often the share of a gross error counts on top, before film and telemetry fit: it is tried again and again."""
+"""Factor on the share of a gross error before film and telemetry fit: it is tried again and again."""
 _SURE = 10.0
 """Evidence beyond all that by which another camera must explain the boxes before it replaces the mission's, nats."""
 _DECOYS, _DECOYS_FIRST = 6, 3
-"""How many decoys are remembered, one an update, and how many are tried at once at the beginning."""
+"""Number of decoys that are remembered, one an update, and of those that are tried at once at the beginning."""
 _GOLDEN_ANGLE = np.pi * (3.0 - np.sqrt(5.0))
 """Angle whose multiples never come near one another, radians."""
 _LIKELY_IN_VIEW = 0.3
@@ -77,8 +77,8 @@ _PLACE_SHARE = 10.0
 """Evidence by place alone on top, nats: receivers seldom err like that, and films of the same formation show
 vehicles near the right places too."""
 _PLACED_S, _GROWN_S, _GROWTH = 1.0, 4.0, 6.0
-"""A fit rests on places alone for so long, seconds; on how vehicles drive once it explains so much more, nats, or for
-so long, seconds, as where few are in view."""
+"""A fit rests on places alone for this long, seconds; on how vehicles drive once it explains this much more, nats, or
+for this long, seconds, as where few are in view."""
 _UNPROVEN = 0.89
 """Most that a name can have until then: less than what counts as sure."""
 _LONGEST_STEP_S = 1.0
@@ -121,14 +121,14 @@ def _paired(blocks: Blocks, theta: FloatArray, rows: IntArray, vehicles: IntArra
 
 @dataclass(frozen=True, slots=True)
 class FitEvidence:
-    """That film and telemetry belong together, nats."""
+    """Evidence that film and telemetry belong together, nats."""
 
     course: float
     """V, from the window alone: what was remembered of the tracks, and bonuses that fit any film, are left out."""
     place: float
     """V from place alone."""
     strangers: float = 0.0
-    """By how much Z is larger than with as many tracks as vehicles: what V has paid for chance among the others."""
+    """Amount by which Z is larger than with as many tracks as vehicles: what V has paid for chance among the others."""
 
 
 def evidence_of(context: UpdateContext, best: Hypothesis) -> FitEvidence:
@@ -231,11 +231,11 @@ class FleetFit:
         self._mean = np.zeros(THETA)
         self._told = 0.0
         self._fits_since_s, self._by_place, self._grown = np.inf, 0.0, False
-        """Since when they fit, what was explained within the first moments of it, and whether more is by now."""
+        """Time since which they fit, what was explained within the first moments of it, and whether more is by now."""
 
     @property
     def probability(self) -> float:
-        """That they belong together, NaN before the first update."""
+        """Probability that they belong together, NaN before the first update."""
         return float("nan") if self._t == -np.inf else float(expit(self._log_ratio + _PRIOR_LOG_ODDS))
 
     @property
@@ -351,7 +351,7 @@ class FleetFit:
             chance: D, what decoys usually reach; None: the camera is steady.
             told: Factor on both rates, 0 to 1: how many vehicles there are to tell anything.
         """
-        now = float(np.clip(evidence, _LEAST, _MOST))
+        now = float(np.clip(evidence, _MIN_EVIDENCE, _MAX_EVIDENCE))
         dt = min(t - self._t, _LONGEST_STEP_S)
         self._t = t
         if now != 0.0:
@@ -361,7 +361,7 @@ class FleetFit:
             self._log_ratio = max(now, now + (self._log_ratio - now) * float(np.exp(-dt * rate)))
 
     def shown(self, p: FloatArray, stated: BoolArray) -> FloatArray:
-        """Marginals as they are told: until the evidence has grown no name is sure, unless the operator stated it.
+        """Marginals as they are reported: until the evidence has grown no name is sure, unless the operator stated it.
 
         Fleets in the same formation are at the same places for a moment, or as long as both drive straight on.
 

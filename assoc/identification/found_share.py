@@ -22,8 +22,8 @@ _REMEMBERED_S = 40.0
 """Time constant with which what was seen is forgotten, seconds."""
 _IN_VIEW = 0.97
 """Chance of being in view from which a vehicle should have a box: at the border some of it is cut."""
-_LEAST = 0.5
-"""Lower bound: below it the camera sees something else."""
+_MIN_SHARE = 0.5
+"""Least share that is estimated: below it the camera sees something else."""
 _COUNTED, _NO_TRUST = 1.4, 3.0
 """Factor on the nats that the share takes off the odds, more than 1 since misses come in runs; and the nats that leave
 no trust."""
@@ -68,11 +68,11 @@ class FoundShare:
         """q."""
         each = (self._found_s + _USUAL * _USUAL_S) / (self._expected_s + _USUAL_S)
         known = each[self._expected_s > 0.0]
-        return max(median(known.tolist()), _LEAST) if len(known) else _USUAL
+        return max(median(known.tolist()), _MIN_SHARE) if len(known) else _USUAL
 
     @property
     def log_odds_lost(self) -> float:
-        """By how much the odds of a box beside a report to be that vehicle's are less than usual, nats, ≥ 0."""
+        """Amount by which the odds of a box beside a report to be that vehicle's are less than usual, nats, ≥ 0."""
         return _COUNTED * self._lost
 
     @property

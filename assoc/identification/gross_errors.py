@@ -1,4 +1,4 @@
-"""When gross errors of the camera's pose and clock are searched: at the start, and while nothing fits.
+"""Search for gross errors of the camera's pose and clock: at the start, and while nothing fits.
 
 A mirrored picture is one of them, but no value of θ: with F = diag(−1, 1, 1) each ray d is really F d, which is the
 same as a camera of rotation R F. It is tried while nothing fits, as a second camera with the same prior of θ.
@@ -21,7 +21,8 @@ from assoc.records import CameraState
 FloatArray = NDArray[np.float64]
 
 _ROUNDS = 2
-"""How often each is tried while film and telemetry fit, but not clearly: an offset shows only once vehicles moved."""
+"""Number of times that each is tried while film and telemetry fit, but not clearly: an offset shows only once vehicles
+moved."""
 MIRROR: FloatArray = np.array([-1.0, 1.0, 1.0])
 """Factor on the columns of a camera's rotation, R F: left and right of its picture are exchanged."""
 _MIRRORED_LOG_SHARE = float(np.log(1e-3))

@@ -84,7 +84,7 @@ class Identifier:
 
     @property
     def height_error(self) -> tuple[float, float] | None:
-        """By how much the camera is higher above the ground than reported, and 1σ, metres.
+        """Amount by which the camera is higher above the ground than reported, and 1σ, metres.
 
         None unless film and telemetry fit with a height that another source gives, not with that of ``ground_z``.
         """
@@ -338,7 +338,7 @@ class Identifier:
         return replace(camera, R_enu_cam=camera.R_enu_cam * MIRROR, R_reported=reported)
 
     def _exchange_sides(self) -> None:
-        """Begin anew with the same frames and reports, left and right of the picture exchanged."""
+        """Begin again with the same frames and reports, left and right of the picture exchanged."""
         self._mirrored = not self._mirrored
         self._history.R *= MIRROR
         self._history.R_reported *= MIRROR

@@ -41,7 +41,7 @@ _EVERY_S = 0.5
 _MEMORY_S = 120.0
 """Time constant with which comparisons lose weight, seconds."""
 _LOST_S = 10.0
-"""A track that has not been seen for so long, seconds, is forgotten."""
+"""A track that has not been seen for this long, seconds, is forgotten."""
 _BIAS_TAU_S = 60.0
 """Correlation time of b, seconds."""
 _BIAS_M, _LENS_RAD = 5.0, float(np.deg2rad(0.5))
@@ -51,13 +51,13 @@ _JITTER_PX, _JITTER_SHARE = 1.5, 0.02
 _SPEED_STD_MPS = 0.5
 """1σ of the speed with which a report is extrapolated, m/s."""
 _OLDEST_S = 90.0
-"""Older reports are not extrapolated, seconds."""
+"""Greatest age of a report that is extrapolated, seconds."""
 _APART_MPS = 4.0
 """1σ of how fast two unrelated things move against each other, m/s."""
-_LEAST_DRIFT = 1e-4
+_MIN_DRIFT = 1e-4
 """Least 1σ of the drift of two unrelated things, rad/s."""
-_LEAST_RANGE_M = 10.0
-"""Nearer vehicles are taken to be so far away, metres."""
+_MIN_RANGE_M = 10.0
+"""Least distance that is taken for a vehicle, metres."""
 _YAW_RAD = np.deg2rad(np.linspace(-15.0, 15.0, 61))
 _TILT_RAD = np.deg2rad(np.linspace(-6.0, 6.0, 17))
 """Grid of φ, radians: errors of the camera's heading and of its tilt that are tried."""
@@ -69,14 +69,14 @@ _USUAL_HALF_VIEW = 0.5
 """Half the angle of view where it is unknown, radians."""
 _HAS_BOX = 0.7
 """Prior ln odds of each pair of track and vehicle: one in view has a box more often than not."""
-_LIKELY_NATS, _MOST_CELLS = 10.0, 150
-"""Cells of the grid are left out that are so much less likely, nats, and beyond so many."""
+_LIKELY_NATS, _MAX_CELLS = 10.0, 150
+"""Cells of the grid are left out that are this much less likely, nats, and beyond this many."""
 _TILT_STD_RAD = float(np.deg2rad(2.0))
 """Prior 1σ of the tilt: near the horizon it is hardly ever calibrated."""
 _SURE = 9.0
 """ln odds that film and telemetry belong together from which a name may be sure: three boxes are in the directions of
 three of eight vehicles by chance."""
-_LEAST = -30.0
+_MIN_FIT = -30.0
 """Least that a pair counts, nats: less than an operator's statement."""
 
 
@@ -92,7 +92,7 @@ class _Comparisons:
     """(m, n, 2, 3, 3) G."""
 
     def select(self, rows: IntArray) -> _Comparisons:
-        """Those of some tracks; −1: of one without comparisons."""
+        """Comparisons of some tracks; −1: of one without comparisons."""
         blank = _no_pairs(1, self.var.shape[1])
         return _Comparisons(
             np.concatenate([self.mean, blank.mean])[rows],
@@ -101,7 +101,7 @@ class _Comparisons:
         )
 
     def later(self, dt: float) -> _Comparisons:
-        """The same, with t counted from dt seconds later, and with less weight."""
+        """Return the comparisons with t counted from dt seconds later, and with less weight."""
         shift = np.eye(3)
         shift[2, 1] = -dt
         gram = shift @ self.gram @ shift.T * np.exp(-dt / _MEMORY_S)
@@ -109,7 +109,7 @@ class _Comparisons:
 
 
 def _no_pairs(m: int, n: int) -> _Comparisons:
-    """Nothing compared yet."""
+    """Return comparisons in which nothing was compared yet."""
     return _Comparisons(np.zeros((m, n, 2, 3)), np.full((m, n, 2), np.inf), np.zeros((m, n, 2, 3, 3)))
 
 
@@ -172,7 +172,7 @@ class NearHorizon:
 
     @property
     def probability(self) -> float:
-        """That film and telemetry belong together; NaN before anything was compared."""
+        """Probability that film and telemetry belong together; NaN before anything was compared."""
         return float(expit(self.log_ratio))
 
     def names(
@@ -228,7 +228,7 @@ def _expected(t: float, camera: CameraState, log: ReportLog) -> _Expected:
     """Directions in which the camera should see the vehicles at a time, seconds."""
     p, age = log.extrapolated(t, _OLDEST_S)
     to = np.column_stack([p, np.full(len(p), camera.ground_z)]) - camera.p_enu
-    away = np.maximum(np.nan_to_num(np.hypot(to[:, 0], to[:, 1])), _LEAST_RANGE_M)
+    away = np.maximum(np.nan_to_num(np.hypot(to[:, 0], to[:, 1])), _MIN_RANGE_M)
     angle = np.where((np.abs(age) <= _OLDEST_S)[:, None], _angles(to), np.nan)
     drift = _APART_MPS / away
     height = max(float(camera.p_enu[2]) - camera.ground_z, 0.0)
@@ -243,7 +243,7 @@ def _expected(t: float, camera: CameraState, log: ReportLog) -> _Expected:
         in_view=int(np.count_nonzero(aside < half + _MARGIN_RAD)),
         away_m=away,
         age_s=np.abs(age),
-        drift=np.maximum(np.column_stack([drift, drift * height / away]), _LEAST_DRIFT),
+        drift=np.maximum(np.column_stack([drift, drift * height / away]), _MIN_DRIFT),
         spread=np.array([half, depressions]),
     )
 
@@ -316,12 +316,12 @@ def _marginals(
         cells.append(phi * G[..., k, 1, 0] - 0.5 * phi**2 * G[..., k, 1, 1] + apart[..., k])
     compared = G[..., 0, 1, 1] > 0.0
     score = cells[0][:, None] + cells[1][None]
-    score = np.where(compared | (stated > 0.0), np.maximum(score, _LEAST) + stated + _HAS_BOX, -1e4).reshape(-1, m, n)
+    score = np.where(compared | (stated > 0.0), np.maximum(score, _MIN_FIT) + stated + _HAS_BOX, -1e4).reshape(-1, m, n)
     prior = -0.5 * ((yaw / yaw_std) ** 2)[:, None] - 0.5 * ((tilt / _TILT_STD_RAD) ** 2)[None]
     prior = (prior - logsumexp(prior)).ravel()
     # with the best vehicle of each track whoever else has it: at least the total
     bound = prior + np.sum(np.logaddexp(0.0, logsumexp(score, axis=2)), axis=1)
-    likely = np.argsort(-bound)[:_MOST_CELLS]
+    likely = np.argsort(-bound)[:_MAX_CELLS]
     likely = likely[bound[likely] > bound[likely[0]] - _LIKELY_NATS]
     found, total = loopy_marginals(score[likely])
     value = prior[likely] + total

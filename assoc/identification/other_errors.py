@@ -25,7 +25,7 @@ from assoc.records import CameraState
 
 _HOLDS_S = 3.0
 """Time for which the other comparison has to fit before names are given by it, seconds."""
-_LATER_BLOCKS, _LEAST_PRODUCTS, _TURNED = 4, 20, -0.5
+_LATER_BLOCKS, _MIN_PRODUCTS, _TURNED = 4, 20, -0.5
 """Blocks from a residual to the one it is compared with, the least number of such products that tell anything, and the
 correlation below which errors wander to and fro: −0.8 with periods of 7 to 13 s, of other fleets −0.35 at least."""
 
@@ -76,7 +76,7 @@ def _wander_fast(best: Hypothesis) -> bool | None:
     r = blocks.mean[pairs] + blocks.jacobian[:, rows] @ (best.theta - blocks.theta)
     compared = blocks.count[pairs] > 0.0
     both = compared[:-_LATER_BLOCKS] & compared[_LATER_BLOCKS:]
-    if np.sum(both) < _LEAST_PRODUCTS:
+    if np.sum(both) < _MIN_PRODUCTS:
         return None
     early, late = r[:-_LATER_BLOCKS][both], r[_LATER_BLOCKS:][both]
     return bool(np.sum(early * late) < _TURNED * math.sqrt(np.sum(early**2) * np.sum(late**2)))

@@ -17,7 +17,7 @@ from assoc.records import CameraState, Candidates, Identities, Observation
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
-_MOST_REMEMBERED = 200
+_MAX_REMEMBERED = 200
 """Tracks whose last marginals are kept."""
 _CLAIMED = 0.5
 """Probability above which a detected track takes a vehicle's name from tracks that are only predicted."""
@@ -25,7 +25,7 @@ _MASSES_EVERY_S = 0.5
 """Time between two computations of the masses, seconds."""
 _CANDIDATES_EVERY_S = 0.25
 """Time between two comparisons of each track with all vehicles, seconds: faster than they can be read."""
-_MOST_CANDIDATES = 3
+_MAX_CANDIDATES = 3
 """Vehicles that are given for each track: more are not compared by eye."""
 _NEW_TRACK_UNKNOWN = 0.5
 """Probability of "none of ours" of a track that has been in no update yet."""
@@ -60,7 +60,7 @@ class Beliefs:
         """Replace the beliefs on some tracks; of the others the newest are kept for when they are seen again."""
         other = ~np.isin(self.track_id, track_id)
         pairs = ((track_id, self.track_id), (p, self.p), (doubt, self.doubt))
-        ids, p, doubt = (np.concatenate([new, old[other]])[:_MOST_REMEMBERED] for new, old in pairs)
+        ids, p, doubt = (np.concatenate([new, old[other]])[:_MAX_REMEMBERED] for new, old in pairs)
         return Beliefs(ids, p, doubt, conflict)
 
 
@@ -203,7 +203,7 @@ def _candidates(
     m, n = len(track_id), len(system_ids)
     if not m or not n:
         return replace(Candidates.empty(m), none_of_ours=p[:, -1])
-    row, best = np.arange(m)[:, None], np.lexsort((away_m, -p[:, :n]), axis=1)[:, :_MOST_CANDIDATES]
+    row, best = np.arange(m)[:, None], np.lexsort((away_m, -p[:, :n]), axis=1)[:, :_MAX_CANDIDATES]
     owner = np.argmax(p[:, :n], axis=0)[best]
     better = p[owner, best] > p[row, best]
     return Candidates(

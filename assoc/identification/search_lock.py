@@ -36,7 +36,7 @@ class SearchLock:
         self._started_s = min(self._started_s, t)
 
     def unlock(self, t: float) -> None:
-        """Search anew: something is known that the last solution did not have."""
+        """Search again: something is known that the last solution did not have."""
         self._last_drop_s, self.state = t, SearchState.SEARCHING
 
     def update(self, t: float, certainty: FloatArray, share: float, best_score: dict[int, float]) -> None:

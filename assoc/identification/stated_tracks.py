@@ -15,7 +15,7 @@ IntArray = NDArray[np.int64]
 BoolArray = NDArray[np.bool_]
 
 NONE_OF_OURS = -1
-"""In place of the index of a vehicle."""
+"""Value in place of a vehicle's index for none of ours."""
 
 
 class StatedTracks:

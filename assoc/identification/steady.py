@@ -1,4 +1,4 @@
-"""An answer is told to be sure once it has been probable for a while: what flips within seconds was not known."""
+"""An answer is stated as sure once it has been probable for a while: what flips within seconds was not known."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ BoolArray = NDArray[np.bool_]
 _FOR_S = 2.0
 """Time over which the mean is taken, s: 5 s save another sixth of wrong names at 0.9, and right ones wait longer."""
 _UNKNOWN = 0.5
-"""An answer "none of ours" is not told to be less probable than this."""
+"""Least probability that is stated for an answer "none of ours"."""
 
 
 class SteadyAnswers:

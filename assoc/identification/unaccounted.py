@@ -30,7 +30,7 @@ _START_M, _SPEED_MPS = 10.0, 12.0
 """Farthest that a silent vehicle is from its last reported place: metres at once, and metres per second since."""
 _FOUND = 0.9
 """Chance that a missing vehicle is one of u boxes that it may be or an unseen one, divided equally among u + 1."""
-_LEAST_SHARE, _MOST_SHARE = 0.11, 0.45
+_MIN_SHARE, _MAX_SHARE = 0.11, 0.45
 """Limits of a box's share in a missing vehicle: while one is missing nobody is a stranger with 0.9."""
 
 
@@ -86,7 +86,7 @@ def shared_with_missing(
     may = missing[None] & free[:, None] & ~elsewhere
     # one that reports to be elsewhere now may lie
     may |= free[:, None] & unseen[None] & (former[:, None] == np.arange(n))
-    share = np.clip(_FOUND / (np.count_nonzero(may, axis=0) + 1.0), _LEAST_SHARE, _MOST_SHARE)
+    share = np.clip(_FOUND / (np.count_nonzero(may, axis=0) + 1.0), _MIN_SHARE, _MAX_SHARE)
     s = np.where(may, share[None], 0.0)
     none = p[:, n] * np.prod(1.0 - s, axis=1)
     gone = p[:, n] - none

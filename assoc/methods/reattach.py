@@ -50,7 +50,7 @@ def reattach(predicted: FloatArray, lost_vehicle: IntArray, centres: FloatArray)
 def reattach_gated(
     predicted: FloatArray, variance: FloatArray, lost_vehicle: IntArray, centres: FloatArray, gate: float = GATE
 ) -> IntArray:
-    """The same with a gate: nearest in units of the prediction's own σ, close enough, and each other's best.
+    """Reattach tracks with a gate: nearest in units of the prediction's own σ, close enough, and each other's best.
 
     Args:
         predicted: (n, 2) positions of all vehicles, any planar unit, NaN unknown.

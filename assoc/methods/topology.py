@@ -51,7 +51,7 @@ def signed_angles(offset: FloatArray, heading: FloatArray, reference: float = 0.
 
 
 def _wrap(angle: FloatArray) -> FloatArray:
-    """Into (−π, π]."""
+    """Wrap angles into (−π, π]."""
     return np.asarray(np.pi - np.mod(np.pi - angle, 2.0 * np.pi))
 
 

@@ -1,7 +1,7 @@
 """First sight of an object, by camera and track: one name in all views for what nobody can name.
 
-A track is by itself what its own view saw first. Where it is surely one object with another view's track, the earlier
-of what both are counts for both; so all views end with the same, whoever hears of whom first.
+A track is named after its own first sight. Where it is surely one object with another view's track, the earlier of both
+counts for both; so all views end with the same name, whoever hears of whom first.
 """
 
 from __future__ import annotations
@@ -16,9 +16,9 @@ FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
 _SAME, _ANOTHER = 0.8, 0.2
-"""Probability from which on two tracks count as one object, and below which they do so no more."""
+"""Probability from which on two tracks count as one object, and below which they no longer do."""
 _KEPT_US = 30_000_000
-"""A track that was not seen for so long is forgotten."""
+"""Time unseen after which a track is forgotten."""
 
 
 class FirstSeen(NamedTuple):
@@ -48,11 +48,7 @@ class _KnownTrack(NamedTuple):
 
 
 class FirstSeenTracks:
-    """Objects that the tracks of a view are.
-
-    Args:
-        view: its own.
-    """
+    """Record of which object, by its first sight, each track of a view is."""
 
     def __init__(self, view: int) -> None:
         self._view = view

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from assoc.other_views.opinions import Hearsay, founded, pooled, said_of, without_taken
+from assoc.other_views.opinions import Hearsay, answers_for, information_of, pooled, without_taken
 from assoc.other_views.reconcile import Cause, Reconciliation
 from assoc.other_views.same_boxes import SameBoxes, newest_answers, places_at
 from assoc.records import Sighting
@@ -23,7 +23,7 @@ IntArray = NDArray[np.int64]
 _SURE = 0.8
 """Probability from which on two answers that differ are a contradiction."""
 _MORE = 1.2
-"""A view that knows so many times less is the likelier one to be wrong."""
+"""A view that knows this many times less is the likelier one to be wrong."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,7 +70,7 @@ class Hearing:
         for view, theirs in told.items():
             track_id, pairs = self._same.setdefault(view, SameBoxes()).update(mine, theirs)
             every[view] = track_id, pairs
-            said, is_same = said_of(newest_answers(track_id, theirs), pairs)
+            said, is_same = answers_for(newest_answers(track_id, theirs), pairs)
             fit = theirs[-1].fit
             apart = self._apart.setdefault(view, Reconciliation())
             if apart.is_due(t := 1e-6 * mine.t_us):
@@ -97,7 +97,7 @@ def _contradictions(
     """
     own, other = np.argmax(mine.p, axis=1), np.argmax(said, axis=1)
     sure = np.min([np.max(mine.p, axis=1), np.max(said, axis=1), same, np.full(len(same), min(fit, mine.fit))], axis=0)
-    known, theirs = mine.fit * founded(mine.p), same * fit * founded(said)
+    known, theirs = mine.fit * information_of(mine.p), same * fit * information_of(said)
     rows = np.flatnonzero((sure >= _SURE) & (own != other)).tolist()
     cause = apart.cause() if rows else None
     for row in rows:

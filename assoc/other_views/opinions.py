@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
-_LEAST = 1e-6
+_TINY = 1e-6
 """Least probability of anything."""
 _COUNTS = 0.05
 """Weight against a view's own from which on what others say counts."""
@@ -34,9 +34,9 @@ _KEPT_S = 8.0
 """Seconds after which another view's word about a track that it sees no more counts e times less."""
 
 
-def founded(p: FloatArray) -> FloatArray:
-    """(m,) nats that answers (m, n + 1) tell beyond none: ln (n + 1) − H."""
-    return np.asarray(np.log(p.shape[1]) + np.sum(p * np.log(np.maximum(p, _LEAST)), axis=1))
+def information_of(p: FloatArray) -> FloatArray:
+    """Nats that answers (m, n + 1) tell beyond none, (m,): ln (n + 1) − H."""
+    return np.asarray(np.log(p.shape[1]) + np.sum(p * np.log(np.maximum(p, _TINY)), axis=1))
 
 
 def pooled(answers: Sequence[FloatArray], same: Sequence[FloatArray], fits: Sequence[float]) -> FloatArray:
@@ -48,7 +48,7 @@ def pooled(answers: Sequence[FloatArray], same: Sequence[FloatArray], fits: Sequ
         fits: Of each, how far it is to be trusted, 0 to 1.
     """
     m, own = np.array(same), answers[0]
-    known = m * np.array(fits)[:, None] * np.maximum([founded(p) for p in answers], 0.0)
+    known = m * np.array(fits)[:, None] * np.maximum([information_of(p) for p in answers], 0.0)
     best, says = np.argmax(known, axis=0), np.array([np.argmax(p, axis=1) for p in answers])
     rows = np.arange(len(own))
     counts = says != says[best, rows]
@@ -61,7 +61,7 @@ def pooled(answers: Sequence[FloatArray], same: Sequence[FloatArray], fits: Sequ
         return own
     weight = weight[:, heard] / np.sum(weight[:, heard], axis=0)
     # alone, an answer is taken as it is
-    least = np.where(np.max(weight, axis=0) < 1.0, _WRONG / own.shape[1], _LEAST)[:, None]
+    least = np.where(np.max(weight, axis=0) < 1.0, _WRONG / own.shape[1], _TINY)[:, None]
     log_p = sum(w[:, None] * np.log(np.maximum(p[heard], least)) for w, p in zip(weight, answers, strict=True))
     pool = np.exp(log_p - np.max(log_p, axis=1, keepdims=True))
     pool /= np.sum(pool, axis=1, keepdims=True)
@@ -80,17 +80,17 @@ def without_taken(before: FloatArray, after: FloatArray) -> FloatArray:
         before: (m, n + 1) by the view alone, in which two boxes are two vehicles already.
         after: (m, n + 1) each row with what is known elsewhere.
     """
-    left = np.minimum((1.0 - after) / np.maximum(1.0 - before, _LEAST), 1.0)
+    left = np.minimum((1.0 - after) / np.maximum(1.0 - before, _TINY), 1.0)
     learnt = after >= np.max(after, axis=1, keepdims=True)
     learnt[:, -1] = False
-    log_left = np.where(learnt, np.log(np.maximum(left, _LEAST)), 0.0)
+    log_left = np.where(learnt, np.log(np.maximum(left, _TINY)), 0.0)
     others = np.sum(log_left, axis=0) - log_left
     p = after * np.exp(others)
-    p /= np.maximum(np.sum(p, axis=1, keepdims=True), _LEAST)
+    p /= np.maximum(np.sum(p, axis=1, keepdims=True), _TINY)
     return np.where(np.any(others < 0.0, axis=1, keepdims=True), p, after)
 
 
-def said_of(p: FloatArray, same: FloatArray) -> tuple[FloatArray, FloatArray]:
+def answers_for(p: FloatArray, same: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Answers of a view on the m tracks of another one.
 
     Args:
@@ -102,7 +102,7 @@ def said_of(p: FloatArray, same: FloatArray) -> tuple[FloatArray, FloatArray]:
     """
     total = np.sum(same, axis=1)
     even = np.full((len(same), p.shape[1]), 1.0 / p.shape[1])
-    said = np.where(total[:, None] > _LEAST, same @ p / np.maximum(total, _LEAST)[:, None], even)
+    said = np.where(total[:, None] > _TINY, same @ p / np.maximum(total, _TINY)[:, None], even)
     return said, np.minimum(total, 1.0)
 
 
@@ -111,7 +111,7 @@ class Hearsay:
 
     def __init__(self) -> None:
         self._said: dict[int, tuple[float, FloatArray, float]] = {}
-        """When, seconds; (n + 1,) what; the probability that it was about the same object."""
+        """Opinions: time, seconds; (n + 1,) probabilities; the probability that it was about the same object."""
 
     def update(self, t: float, track_id: IntArray, said: FloatArray, same: FloatArray) -> tuple[FloatArray, FloatArray]:
         """(m, n + 1) what counts now, and (m,) how far; what was said before counts where less is now.

@@ -27,16 +27,16 @@ IntArray = NDArray[np.int64]
 
 _EVERY_S, _KEPT_S = 0.5, 6.0
 """Time between two looks, and how long they count, seconds."""
-_LEAST = 3
+_MIN_VEHICLES = 3
 """Vehicles that are needed; of more looks a parabola is made."""
 _APART, _EXPLAINED = 3.0, 2.0
 """Root mean square of d in σ from which on the views are apart, and up to which it is explained."""
 _SURELY = 10.0
 """Lead of the best explanation in the criterion."""
-_LEAST_SPAN_S = 2.0
+_MIN_SPAN_S = 2.0
 """Time over which a velocity is measured, at least, seconds."""
 _FLOOR_M2 = 0.25
-"""Variance of a place beside what a view tells of it: both find their poses anew all the time."""
+"""Variance of a place beside what a view tells of it: both find their poses again all the time."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,7 +47,7 @@ class Cause:
     value: float
     """Seconds; metres; radians."""
     scale: float = 1.0
-    """Number of times that a camera has places as wide as they are, or as another one has them."""
+    """Factor by which a camera's places are too wide, against another view's."""
 
 
 class Reconciliation:
@@ -55,7 +55,7 @@ class Reconciliation:
 
     def __init__(self) -> None:
         self._looks: deque[tuple[float, IntArray, FloatArray]] = deque()
-        """When, seconds; which vehicles (k,); and (k, 5) d, g' and the variance of d, metres."""
+        """Comparisons: time, seconds; vehicles (k,); and (k, 5) d, g' and the variance of d, metres."""
 
     def is_due(self, t: float) -> bool:
         """Tell whether a moment, seconds, is to be looked at."""
@@ -81,7 +81,7 @@ class Reconciliation:
         t = np.concatenate([np.full(len(each[1]), each[0]) for each in self._looks])
         v = _velocities(t, vehicles, rows[:, 2:4])
         rows, v, vehicles = (column[np.isfinite(v[:, 0])] for column in (rows, v, vehicles))
-        if len(set(vehicles.tolist())) < _LEAST:
+        if len(set(vehicles.tolist())) < _MIN_VEHICLES:
             return None
         d, place, var = rows[:, 0:2], rows[:, 2:4], rows[:, 4] + _FLOOR_M2
         # looks that follow each other share their errors: those of a second count as one
@@ -115,7 +115,7 @@ def _velocities(t: FloatArray, vehicle: IntArray, place: FloatArray) -> FloatArr
     v = np.full(place.shape, np.nan)
     for one in set(vehicle.tolist()):
         rows = np.flatnonzero(vehicle == one)
-        if len(rows) > _LEAST and np.ptp(t[rows]) >= _LEAST_SPAN_S:
+        if len(rows) > _MIN_VEHICLES and np.ptp(t[rows]) >= _MIN_SPAN_S:
             at = t[rows] - t[rows[0]]
             _, slope, bend = np.polynomial.polynomial.polyfit(at, place[rows], 2)
             v[rows] = slope + 2.0 * at[:, None] * bend

@@ -29,29 +29,29 @@ IntArray = NDArray[np.int64]
 BoolArray = NDArray[np.bool_]
 
 REACH_S = 0.5
-"""A track goes on straight for so long after it was seen last, seconds: from one picture into another one."""
-_COURSE_S, _LEAST_COURSE_S = 1.0, 0.25
+"""A track goes on straight for this long after it was seen last, seconds: from one picture into another one."""
+_COURSE_S, _MIN_COURSE_S = 1.0, 0.25
 """Time over which the course of a track is measured, at most and at least, seconds."""
 _AREA_M2 = 60.0
 """Ground that an object has for itself, m²."""
 _GATE = 3.0
-"""Shifts beyond so many σ are not tried."""
+"""Shifts beyond this many σ are not tried."""
 _APART_M = 1.0
 """Shifts that are closer are one."""
-_MOST_TRIED = 64
+_MAX_TRIED = 64
 """Most shifts that are tried: of fifty vehicles there are 2500."""
-_MOST_SHIFTS, _NEGLIGIBLE = 4, 7.0
+_MAX_SHIFTS, _NEGLIGIBLE = 4, 7.0
 """Most shifts that are weighed, and by how many nats less one is worth that is not."""
 _BY_NAME = (-1.0, 2.0)
 """Most nats that equal answers of both count: less against one object, so that a contradiction is found."""
 _SURE, _WANDER_M2_S = 0.9, 0.5
-"""A shift is remembered from this probability on, and its variance grows so fast then, m²/s."""
+"""Probability from which on a shift is remembered, and the growth of its variance then, m²/s."""
 _AGAIN_S = 0.2
 """Time between two comparisons while the tracks stay, seconds."""
 _MEAN_S = 1.0
 """Time over which probabilities are averaged, seconds."""
 _FORGET_S = 10.0
-"""Pairs that were not compared for so long are forgotten, seconds."""
+"""Pairs that were not compared for this long are forgotten, seconds."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,11 +63,11 @@ class Shift:
     cov: FloatArray
     """(2, 2) m²."""
     t: float = 0.0
-    """When, seconds."""
+    """Time of the shift, seconds."""
 
     @classmethod
     def unknown(cls, var: float) -> Shift:
-        """Nothing but how large it usually is, m² per axis."""
+        """Return a shift of which only its usual size is known, m² per axis."""
         return cls(np.zeros(2), var * np.eye(2))
 
     def after(self, t: float) -> Shift:
@@ -80,16 +80,12 @@ class SameBoxes:
 
     def __init__(self) -> None:
         self._p: dict[tuple[int, int], tuple[float, float]] = {}
-        """When a pair was compared last, seconds, and the mean probability that it is one object."""
+        """Time at which a pair was compared last, seconds, and the mean probability that it is one object."""
         self._shift: Shift | None = None
         self._last: tuple[float, IntArray, IntArray, FloatArray] | None = None
 
     def update(self, mine: Sighting, theirs: Sequence[Sighting]) -> tuple[IntArray, FloatArray]:
         """Compare with what the other view saw about the same time.
-
-        Args:
-            mine: The tracks of one frame.
-            theirs: The other view's last frames, in order, in the same world.
 
         Returns:
             (k,) tracks of the other view that are somewhere at that time; (m, k) probability of each pair to be one.
@@ -167,7 +163,7 @@ def _at_zero(seen: FloatArray) -> tuple[float, float, float] | None:
     near = seen[np.abs(seen[:, 0] - away) <= _COURSE_S]
     t = near[:, 0] - away
     velocity = np.zeros(2)
-    if np.ptp(t) >= _LEAST_COURSE_S:
+    if np.ptp(t) >= _MIN_COURSE_S:
         t = t - np.mean(t)
         velocity = t @ near[:, 1:3] / (t @ t)
     x, y = seen[nearest, 1:3] - away * velocity
@@ -217,7 +213,7 @@ def compared(
         far = np.sum((shifts[best] - shifts[row]) ** 2, axis=1) > _APART_M**2
         if np.all(far) and values[row] > max(values[best[0]] if best else 0.0, 0.0) - _NEGLIGIBLE:
             best.append(row)
-    best = best[:_MOST_SHIFTS]
+    best = best[:_MAX_SHIFTS]
     if not best:
         return np.zeros(d.shape[:2]), shift, 0.0
     most = max(float(values[best[0]]), 0.0)
@@ -230,10 +226,10 @@ def compared(
 
 def _likeliest(shifts: FloatArray) -> FloatArray:
     """(s, 2) those of many shifts that most others are near to."""
-    if len(shifts) <= _MOST_TRIED:
+    if len(shifts) <= _MAX_TRIED:
         return shifts
     near = cKDTree(shifts).query_ball_point(shifts, _APART_M, return_length=True)
-    return shifts[np.argsort(-near, kind="stable")[:_MOST_TRIED]]
+    return shifts[np.argsort(-near, kind="stable")[:_MAX_TRIED]]
 
 
 def _gains(d: FloatArray, W: FloatArray, shifts: FloatArray, log_peak: FloatArray) -> FloatArray:

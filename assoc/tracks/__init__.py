@@ -1,1 +1,1 @@
-"""How tracks relate to one another: track histories in, which were seen together, continued or exchanged out."""
+"""Relations of tracks to one another: track histories in, which were seen together, continued or exchanged out."""

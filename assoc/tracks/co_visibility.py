@@ -1,4 +1,4 @@
-"""Which tracks were in view together: two boxes in one image are two vehicles, also after one of them is lost.
+"""Tracks that were in view together: two boxes in one image are two vehicles, also after one of them is lost.
 
 While both tracks are seen the assignment ensures that. Once one of them is lost, its last probabilities still count
 against the tracks that were seen beside it; a track that began only since may be its vehicle.
@@ -13,13 +13,14 @@ FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 BoolArray = NDArray[np.bool_]
 
-_MOST = 8.0
+_MAX_NATS = 8.0
 """Most that lost tracks count against another, nats: their names may have been wrong."""
 
 _PROBABLE = 0.95
 """Probability above which a vehicle surely is one of the tracks seen beside another."""
 _HISTORY_S = 5.0
-"""It must have been for so long, seconds: the first names of two that report one place may be wrong."""
+"""Time for which a vehicle must have been another track, seconds: the first names of two that report one place may be
+wrong."""
 _LONGEST_STEP_S = 1.0
 """Time that counts between two updates, seconds."""
 
@@ -93,7 +94,8 @@ class CoVisibility:
         return np.asarray(self._elsewhere_s[columns] >= _HISTORY_S)
 
     def log_not_lost(self, columns: IntArray, seen: BoolArray) -> FloatArray:
-        """How likely each vehicle is none of the lost tracks beside which a track was seen: ln (1 − max_k p_k).
+        """Return the log probability that each vehicle is none of the lost tracks that were seen beside a track: ln (1
+        − max_k p_k).
 
         Args:
             columns: (m,) tracks.
@@ -107,4 +109,4 @@ class CoVisibility:
         held = np.zeros((len(columns), self._belief.shape[1]))
         for k in np.flatnonzero(lost):
             held = np.maximum(held, self._beside[columns, k][:, None] * self._belief[k])
-        return np.asarray(np.log(np.maximum(1.0 - held, np.exp(-_MOST))))
+        return np.asarray(np.log(np.maximum(1.0 - held, np.exp(-_MAX_NATS))))

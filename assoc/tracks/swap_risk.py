@@ -1,4 +1,5 @@
-"""When a tracker could have exchanged two tracks: side by side, unseen, or after a leap that no vehicle makes."""
+"""Times at which a tracker could have exchanged two tracks: side by side, unseen, or after a leap that no vehicle
+makes."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Which lost tracks were probably continued by the tracker under a new id."""
+"""Lost tracks that the tracker probably continued under a new id."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ BoolArray = NDArray[np.bool_]
 _REACH_M, _REACH_MPS = 2.0, 6.0
 """A continuation starts within the first distance of where the lost track was seen last, plus the second per second."""
 _EXCHANGE_MPS = 3.0
-"""By so much a vehicle's place may differ after a second from where a tracker expects it: it brakes, or sets off."""
+"""Distance of a vehicle, after a second, from where a tracker expects it: it brakes, or sets off."""
 
 
 def replaced_tracks(t: float, history: TrackHistory, columns: IntArray, theta: FloatArray) -> BoolArray:

@@ -34,34 +34,34 @@ _ALIKE = 0.05
 """c: share of the others that drive like a vehicle."""
 _FOUND = 0.8
 """q."""
-_LEAST_STRANGERS = 0.5
+_MIN_STRANGERS = 0.5
 """Least mean number of strangers in view."""
 _PER_S = 0.25
 """Score of each second for which a segment was seen, nats: who is in view has a box, not now and then."""
 _ANYWHERE_M = 30.0
 """1σ of the place of a segment of which only the course counts, metres."""
 _REACH_STDS, _REACH_M = 5.0, 4.0
-"""A pair further apart than so many σ_b and metres is out of the question."""
-_MOST_PARTS = 60
+"""A pair further apart than this many σ_b and metres is out of the question."""
+_MAX_PARTS = 60
 """Blocks of a segment at which it is parted, at most."""
-_MOST_ROWS, _MOST_REST = 40, 30
+_MAX_ROWS, _MAX_REST = 40, 30
 """Blocks of a segment that are weighed, and those of the rest of its chain."""
 _ASIDE_STDS, _ASIDE_M = 3.0, 0.5
-"""A block so many σ_b and metres from the segment's median is aside."""
+"""A block this many σ_b and metres from the segment's median is aside."""
 _ASIDE_NATS = 1.0
 """Cost of each block that is aside, nats."""
 _SEGMENT_STD_M = 0.4
 """1σ per axis of where the boxes of a segment are on the vehicle, against those of its other segments, metres."""
 _OUTLIER_Z2, _BLOCKS_TO_OUTLIER = 9.0, 4
 """Mean squared deviation per axis, in variances, from which a block is an outlier; blocks to each that may be one."""
-_MOST_LEARNT = 60
+_MAX_LEARNT = 60
 """Blocks of a chain from which the size of the errors is learnt."""
 _COMMON_STD_M, _COMMON_TAU_S, _KNOT_S = 0.5, 30.0, 4.0
 """σ_c, metres, τ_c, and how far apart the knots are between which c is linear, seconds."""
 _BIAS_STDS_M, _TAUS_S = (0.3, 0.5, 0.8, 1.2, 1.7, 2.4, 3.4), (6.0, 12.0, 25.0, 50.0, 100.0)
 """Candidates of σ_b, metres, and τ, seconds."""
 _USUAL_BIAS_M, _BIAS_SPREAD, _USUAL_TAU_S = 1.5, 0.8, 40.0
-"""Their log-normal priors: median and 1σ of the logarithm of σ_b; median of τ, whose logarithm has 1σ of 1."""
+"""Log-normal priors: median and 1σ of the logarithm of σ_b; median of τ, whose logarithm has 1σ of 1."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -93,7 +93,7 @@ def pair_scores(
     usual = _usual_score(segments, residuals, owner) * segments.share + _PER_S * segments.seen_s
     score = np.full(near.shape, NEVER)
     for segment, vehicle in np.argwhere(near).tolist():
-        rows = residuals.rows(segment, vehicle, _MOST_ROWS)
+        rows = residuals.rows(segment, vehicle, _MAX_ROWS)
         rest = np.flatnonzero((owner == vehicle) & ~segments.apart[segment])
         rest = rest[rest != segment]
         score[segment, vehicle] = usual[segment] - _ASIDE_NATS * residuals.aside[segment, vehicle]
@@ -103,7 +103,7 @@ def pair_scores(
 
 def _usual_score(segments: Segments, residuals: Residuals, owner: IntArray) -> float:
     """ln q/(1 − q) − ln λ, with the strangers that owners (S,) leave."""
-    strangers = max(float(np.mean(np.sum(segments.seen[:, owner < 0], axis=1))), _LEAST_STRANGERS)
+    strangers = max(float(np.mean(np.sum(segments.seen[:, owner < 0], axis=1))), _MIN_STRANGERS)
     return float(np.log(_FOUND / (1.0 - _FOUND)) - np.log(strangers / residuals.area_m2))
 
 
@@ -126,7 +126,7 @@ def with_whole_chains(
     together = score.copy()
 
     def value_as(chain: IntArray, vehicle: int) -> float:
-        rows, of = (thinned(every, _MOST_ROWS) for every in residuals.chain_rows(chain, vehicle))
+        rows, of = (thinned(every, _MAX_ROWS) for every in residuals.chain_rows(chain, vehicle))
         return _compared(residuals, r, errors, vehicle, (rows, of), np.zeros(0, np.int64))
 
     for own, *_ in residuals.chains(owner):
@@ -173,7 +173,7 @@ def scores_as_parts(
     before, after = (np.full((len(every), n + 1), NEVER) for _ in range(2))
     before[:, n] = after[:, n] = 0.0
     for vehicle in np.flatnonzero(np.sum(near, axis=0) > 1).tolist():
-        rows = residuals.rows(segment, vehicle, _MOST_PARTS)
+        rows = residuals.rows(segment, vehicle, _MAX_PARTS)
         rest = np.flatnonzero((owner == vehicle) & ~segments.apart[segment] & (np.arange(len(owner)) != segment))
         until = _growing(residuals, r, errors, vehicle, segment, rows, rest)
         since = _growing(residuals, r, errors, vehicle, segment, rows[::-1], rest)[::-1]
@@ -236,7 +236,7 @@ def without_outliers(residuals: Residuals, pose: CommonPose, errors: Errors) -> 
         reach_m = _ASIDE_STDS * np.sqrt(errors.bias_std**2 + var[every, segment, vehicle]) + _ASIDE_M
         aside = _at_the_ends(r[every, segment, vehicle], reach_m)
         count[every[aside], segment, vehicle] = 0.0
-        rows = thinned(every[~aside], _MOST_ROWS)
+        rows = thinned(every[~aside], _MAX_ROWS)
         y = _stacked(r[rows, segment, vehicle])
         cov = residuals.covariance(vehicle, rows, rows, errors) + _shared(np.zeros_like(rows), _ANYWHERE_M)
         for _ in range(len(rows) // _BLOCKS_TO_OUTLIER):
@@ -309,7 +309,7 @@ def _given(
     cov = given_cov = residuals.noisy_covariance(vehicle, rows, segment, errors)
     if len(rest):
         others, of = residuals.chain_rows(rest, vehicle)
-        nearest = np.argsort(np.min(np.abs(others[:, None] - rows), axis=1), kind="stable")[:_MOST_REST]
+        nearest = np.argsort(np.min(np.abs(others[:, None] - rows), axis=1), kind="stable")[:_MAX_REST]
         others, of = others[nearest], of[nearest]
         # boxes of one segment are round other points than those of another
         known = residuals.noisy_covariance(vehicle, others, of, errors) + _shared(of, _SEGMENT_STD_M)
@@ -363,8 +363,7 @@ def learn_errors(residuals: Residuals, pose: CommonPose, owner: IntArray) -> Err
     """The likeliest σ_b and τ of the chains, with their priors."""
     r = residuals.at(pose.theta, pose.common)
     chains = [
-        (vehicle, thinned(rows, _MOST_LEARNT), thinned(of, _MOST_LEARNT))
-        for vehicle, rows, of in residuals.chains(owner)
+        (vehicle, thinned(rows, _MAX_LEARNT), thinned(of, _MAX_LEARNT)) for vehicle, rows, of in residuals.chains(owner)
     ]
 
     def log_likelihood(errors: Errors) -> float:

@@ -28,7 +28,7 @@ _EXCHANGE_NATS, _STRANGER_NATS, _ALONE_NATS = 2.0, 6.0, 12.0
 """Least gain of a change from one vehicle to another, of one from or to none of ours, and of any with no other object
 nearby, no gap and no leap.
 """
-_LEAST_BLOCKS = 3
+_MIN_BLOCKS = 3
 """Fewest blocks before and after a change from or to none of ours: where a track strays for less it is aside."""
 _NEARBY_M, _GAP_S, _LEAP_M = 4.0, 0.45, 1.5
 """Distance to another object, metres, time out of sight, seconds, and leap, metres, with which tracks change their
@@ -74,9 +74,7 @@ def changes(
         i, j = np.argmax(before, axis=1), np.argmax(after, axis=1)
         gain = np.max(before, axis=1) + np.max(after, axis=1) - np.max(before + after, axis=1)
         stranger = np.maximum(i, j) == n
-        lasts = np.minimum(np.arange(len(rows)), len(rows) - np.arange(len(rows))) >= np.where(
-            stranger, _LEAST_BLOCKS, 1
-        )
+        lasts = np.minimum(np.arange(len(rows)), len(rows) - np.arange(len(rows))) >= np.where(stranger, _MIN_BLOCKS, 1)
         gain -= np.where(stranger, _STRANGER_NATS, _EXCHANGE_NATS)
         for k in np.flatnonzero((gain > 0.0) & lasts).tolist():
             begins_s = (residuals.blocks.first + rows[k]) * block_s

@@ -43,7 +43,7 @@ class Segments:
     """Pieces of tracks that are one object each, with all reports of their time. S segments, F frames."""
 
     history: TrackHistory
-    """Their rays, a column for each segment."""
+    """Rays of the segments, a column for each."""
     log: ReportLog
     camera: CameraState
     """Camera of the last frame."""

@@ -1,4 +1,4 @@
-"""When tracks were exchanged, by the names that they got later.
+"""Exchanges of tracks, by the names that they got later.
 
 A tracker exchanges two tracks where their vehicles are side by side or in one box; a name changes only once the places
 tell, seconds later. So a change of name is put back to the moment at which the track was nearest to one that had its
@@ -22,9 +22,9 @@ FloatArray = NDArray[np.float64]
 _LATEST_S = 10.0
 """Longest time from an exchange to the change of a name, seconds."""
 _CLOSER = 0.85
-"""They were nearer by this factor then, or stand side by side."""
+"""Factor by which tracks were nearer at an exchange, unless they stand side by side."""
 _UNSEEN_S = 1.0
-"""A track that was not seen is taken to be where it was so long ago, or will be then, seconds."""
+"""A track that was not seen is taken to be where it was this long ago, or will be then, seconds."""
 
 
 @dataclass(slots=True)
@@ -78,7 +78,7 @@ def names_since_exchanges(
             named[vehicle].add(track)
 
     def rivals(track: int, before: int, after: int, t: float) -> list[_NamedTrack]:
-        """Those that had the new name before, or have the old one since."""
+        """Return the tracks that had the new name before, or have the old one since."""
         others = [tracks[each] for each in named[after] - {track} if tracks[each].has(after, t - _LATEST_S, t)]
         return others + [tracks[each] for each in named[before] - {track} if tracks[each].has(before, t, t + _LATEST_S)]
 

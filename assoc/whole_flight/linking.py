@@ -18,7 +18,7 @@ IntArray = NDArray[np.int64]
 _GAP_S = 2.5
 """Longest time out of sight, seconds."""
 _REACH_M, _REACH_MPS = 1.0, 0.6
-"""Distance from where it was heading within which an object reappears, metres, and so much more for each second."""
+"""Distance from where it was heading within which an object reappears, metres, and this much more for each second."""
 _AMBIGUOUS = 2.0
 """Reach, in multiples of that one, in which no other piece may begin or end."""
 _SPEED_OVER_S = 1.0
@@ -26,11 +26,11 @@ _SPEED_OVER_S = 1.0
 _FEWEST = 4
 """Boxes from which a velocity is measured, at least."""
 _UNLIKE_MPS, _UNLIKE_MPS2 = 0.6, 0.6
-"""Pieces of one object differ by no more than this in velocity, m/s, and so much more for each second."""
+"""Pieces of one object differ by no more than this in velocity, m/s, and this much more for each second."""
 
 
 def linked(history: TrackHistory, theta: FloatArray, names: IntArray) -> IntArray:
-    """(S,) first piece of the object that each of the S columns in use of a history is.
+    """First piece of the object to which each of the S columns in use of a history belongs, (S,).
 
     Args:
         history: Rays of the pieces.

@@ -40,10 +40,10 @@ _ROUNDS = 8
 """Most rounds of pose, errors and naming: three or four usually suffice."""
 _MOVED = np.array([0.01, np.inf, 0.01, 0.01, np.inf, np.inf, 1.0, 0.05, 0.1])
 """Residuals are linearised again when θ moved further than this (as θ)."""
-_MOST_PAIRS = 6000
+_MAX_PAIRS = 6000
 """Pairs of segment and vehicle beyond which a stretch is not looked at as a whole: it would take minutes."""
 _ANEW_NATS = 10.0
-"""Nats by which a naming that is found from no name at all has to be worth more: known names are evidence, too."""
+"""Advantage in nats that a naming found from no name at all needs: known names are evidence, too."""
 _TRIES = 6
 """Most times that segments are cut where they go on as another object, and named anew."""
 _MISSED_PER_S, _PIECE = 0.5, 2.0
@@ -51,7 +51,7 @@ _MISSED_PER_S, _PIECE = 0.5, 2.0
 many, and is not one object after another.
 """
 _ALONE_S = 3.0
-"""A name holds for so long before and after its vehicle's reports were compared with the segment, seconds."""
+"""A name holds for this long before and after its vehicle's reports were compared with the segment, seconds."""
 _DOUBLE_NATS, _DOUBLE_LEAST = 8.0, 2.0
 """A vehicle without a segment of its own fits another's segment if its score there is this close, and this much."""
 _DOUBLE_COVER = 0.3
@@ -104,7 +104,7 @@ class _Named:
     pose: CommonPose
     errors: Errors
     first_s: float
-    """When the first block begins, seconds from the first frame."""
+    """Time at which the first block begins, seconds from the first frame."""
     worth: float
 
 
@@ -119,7 +119,7 @@ def segment_names(segments: Segments, q: IdentifierParams, owner: IntArray) -> S
     Returns:
         None where there are too many pairs.
     """
-    if segments.seen.shape[1] * segments.log.n_vehicles > _MOST_PAIRS:
+    if segments.seen.shape[1] * segments.log.n_vehicles > _MAX_PAIRS:
         return None
     best = _named(segments, q, owner, segments.theta)
     anew = _named(segments, q, np.full_like(owner, -1), np.zeros(THETA))

@@ -30,7 +30,7 @@ BoolArray = NDArray[np.bool_]
 
 _LATE_STD_S = 0.3
 """σ_d, seconds."""
-_LEAST_SPREAD_M = 1.0
+_MIN_SPREAD_M = 1.0
 """Least 1σ per axis of where vehicles are in a frame, metres."""
 _AREA_EVERY = 10
 """Frames from one measurement of that to the next."""
@@ -194,6 +194,6 @@ def _area_m2(p: FloatArray) -> float:
     for row in p[::_AREA_EVERY]:
         seen = row[np.isfinite(row[:, 0])]
         if len(seen) > 3:
-            spread = np.cov(seen.T) + _LEAST_SPREAD_M**2 * np.eye(2)
+            spread = np.cov(seen.T) + _MIN_SPREAD_M**2 * np.eye(2)
             areas.append(4.0 * np.pi * np.sqrt(np.linalg.det(spread)))
     return float(np.median(areas)) if areas else np.inf

@@ -23,7 +23,7 @@ REPORT_FROM = 200
 UNRELATED = 18
 """Number of the family in which nobody who is seen is ours."""
 _ROUND = 100
-"""Seeds after which the kinds of session begin anew."""
+"""Seeds after which the kinds of session begin again."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -89,7 +89,7 @@ def seeds_of(number: int, hard: bool, split: Split, most: int | None = None) -> 
         number: of the family.
         hard: which version.
         split: which half of the seeds.
-        most: at most so many.
+        most: at most this many.
     """
     count = len(FAMILIES[number].version(hard).labels)
     first = REPORT_FROM if split == "report" else 0

@@ -17,7 +17,7 @@ from gcs.report.score import Matched, right_answers, score
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
-AWAY_S, HOLD_S, LEAST_S = 2.0, 1.0, 2.0
+AWAY_S, HOLD_S, MIN_S = 2.0, 1.0, 2.0
 SURE = 0.9
 EDGES = np.array([0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.95, 0.99, 0.999])
 """Lower edges of the confidence bins; all from 0.9 on are one bin of the ECE."""
@@ -145,7 +145,7 @@ def delays(t: FloatArray, right: NDArray[np.bool_]) -> list[tuple[int, float]]:
         of two seconds and more.
     """
     parts = np.split(np.arange(len(t)), np.flatnonzero(np.diff(t) > AWAY_S) + 1)
-    return [(k, _delay(t[part], right[part])) for k, part in enumerate(parts) if t[part[-1]] - t[part[0]] >= LEAST_S]
+    return [(k, _delay(t[part], right[part])) for k, part in enumerate(parts) if t[part[-1]] - t[part[0]] >= MIN_S]
 
 
 def _delay(t: FloatArray, right: NDArray[np.bool_]) -> float:

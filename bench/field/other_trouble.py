@@ -191,7 +191,7 @@ def other_errors(k: int, rng: np.random.Generator) -> Scenario:
 
 
 def other_errors_hard(k: int, rng: np.random.Generator) -> Scenario:
-    """Every part errs otherwise at once, drawn anew for each session."""
+    """Every part errs otherwise at once, drawn again for each session."""
     bias = Gnss(
         white_m=float(rng.uniform(0.3, 1.5)),
         white_kind=str(rng.choice(("normal", "laplace", "outliers"))),  # type: ignore[arg-type]

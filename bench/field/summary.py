@@ -126,7 +126,7 @@ def ece_of(bins: FloatArray) -> float:
 
 
 def percentile(values: Iterable[float], percent: float) -> float:
-    """The least value that so many percent do not exceed; inf counts as later than all others."""
+    """The least value that this many percent do not exceed; inf counts as later than all others."""
     ranked = sorted(values)
     return ranked[max(0, math.ceil(percent / 100.0 * len(ranked)) - 1)] if ranked else NAN
 

@@ -21,7 +21,7 @@ _HEAD = """# What damage and hostility cost
 
 Made by `python -m bench.fuzz`. Every case comes from a seed; the truth is known because the damage was done here.
 """
-_MOST_FAILURES = 20
+_MAX_FAILURES = 20
 
 
 def write_section(path: Path, title: str, text: str) -> None:
@@ -59,7 +59,7 @@ def logs_text(scores: Mapping[str, LogScore]) -> str:
         f"{s.false_bytes} | {s.missed_bytes} | {s.slowest_ms:.1f} |"
         for kind, s in sorted(scores.items())
     ]
-    shown = sorted(total.failures, key=lambda line: "lost 0, wrong times 0" in line)[:_MOST_FAILURES]
+    shown = sorted(total.failures, key=lambda line: "lost 0, wrong times 0" in line)[:_MAX_FAILURES]
     if shown:
         lines += ["", "Seeds to look at:", "", *(f"- {line}" for line in shown)]
     return "\n".join(lines)
@@ -72,7 +72,7 @@ def datagrams_text(score: DatagramScore) -> str:
         f"through, {score.notices:,} notices. Exceptions {len(score.failures)}; slowest datagram "
         f"{score.slowest_ms:.1f} ms of CPU.",
     ]
-    return "\n".join([*lines, *(f"- {line[:400]}" for line in score.failures[:_MOST_FAILURES])])
+    return "\n".join([*lines, *(f"- {line[:400]}" for line in score.failures[:_MAX_FAILURES])])
 
 
 def streams_text(count: int = 2000) -> str:
@@ -100,7 +100,7 @@ def readers_text(score: ReaderScore) -> str:
         f"or more memory than three times their size and 200 MB: {len(score.failures)}. Most memory for one file: "
         f"{score.most_bytes / 1e6:.0f} MB.",
     ]
-    return "\n".join([*lines, *(f"- {line[:400]}" for line in score.failures[:_MOST_FAILURES])])
+    return "\n".join([*lines, *(f"- {line[:400]}" for line in score.failures[:_MAX_FAILURES])])
 
 
 _COUNTS = {"logs": 10_000, "datagrams": 1_000_000, "streams": 2000, "readers": 500}

@@ -121,7 +121,7 @@ def spoilt(data: bytes, rng: random.Random) -> bytes:
     return data
 
 
-MOST_S, MOST_WAIT_S = 60, 300.0
+MAX_S, MAX_WAIT_S = 60, 300.0
 """Longest time that a reader may take of a processor, and by the clock, seconds: one that waits takes no processor."""
 MORE_BYTES, TIMES_LARGER = 200_000_000, 3
 OURS = (GcsError, MavlinkError, VisionError, AssocError, SimError)
@@ -275,13 +275,13 @@ def _in_a_process(read: Reader, path: Path, most_bytes: int) -> tuple[str, int]:
     pid = os.fork()
     if not pid:
         os.close(reading)
-        resource.setrlimit(resource.RLIMIT_CPU, (MOST_S, MOST_S))
+        resource.setrlimit(resource.RLIMIT_CPU, (MAX_S, MAX_S))
         # what it shares with its parent is no part of it before it is used
         before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
         os.write(writing, f"{before} {_told(read, path)}".encode(errors="replace")[:4000])
         os._exit(0)
     os.close(writing)
-    in_time = bool(select.select([reading], [], [], MOST_WAIT_S)[0])
+    in_time = bool(select.select([reading], [], [], MAX_WAIT_S)[0])
     if not in_time:
         os.kill(pid, signal.SIGKILL)
     began_with, _, told = os.read(reading, 4096).decode(errors="replace").partition(" ")
@@ -289,7 +289,7 @@ def _in_a_process(read: Reader, path: Path, most_bytes: int) -> tuple[str, int]:
     _, status, used = os.wait4(pid, 0)
     taken = 1024 * (used.ru_maxrss - int(began_with or 0))  # also of processes that it had and waited for
     if not in_time:
-        return f"not read within {MOST_WAIT_S:.0f} s", taken
+        return f"not read within {MAX_WAIT_S:.0f} s", taken
     if os.WIFSIGNALED(status):  # of processor time: SIGKILL
         return f"signal {os.WTERMSIG(status)}", taken
     return f"took {taken / 1e6:.0f} MB of memory" if taken > most_bytes else told, taken

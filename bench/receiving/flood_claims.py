@@ -37,7 +37,7 @@ VEHICLES, CLAIMED = 20, 11
 RATE = 2400.0
 FLOOD = 60_000.0
 BEFORE_S, AFTER_S = 3.0, 3.0
-"""The fleet sends for so long before and after the flood."""
+"""The fleet sends for this long before and after the flood."""
 ALARM_WITHIN_S, EARLY_S = 8.0, 1.5
 """A flood is reported so soon after its process was started, which may take seconds, and is said to be over this much
 before its end at the earliest."""

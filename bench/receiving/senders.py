@@ -45,7 +45,7 @@ def send_fleet(
     ports: Sequence[int] = (),
     keys: Sequence[bytes] = (),
 ) -> None:
-    """Sends as so many vehicles, each from a port of its own, and reports how many frames each has sent.
+    """Sends as this many vehicles, each from a port of its own, and reports how many frames each has sent.
 
     Args:
         port: of the station.
@@ -101,7 +101,7 @@ def send_flood(
         duration_s: for how long.
         counts: gets the count.
         datagrams: sent in turn; empty: junk, poison and forged frames.
-        sources: from so many ports.
+        sources: from this many ports.
         own: the port to send from, which a vehicle may have as well; 0: any.
     """
     sockets = [source_socket(port, own) for _ in range(sources)]

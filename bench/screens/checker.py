@@ -28,11 +28,11 @@ UNITS_S = {"s": 1.0, "m": 60.0, "h": 3600.0}
 VALUE_SLACK_S = 0.7
 """Time from a packet to the screen, s: the radio, a turn of the fold, a poll, tenths that are not shown."""
 FADED_AFTER_S = 10.0
-"""A state reported so long ago looks other than a fresh one."""
+"""A state reported this long ago looks other than a fresh one."""
 ALARM_LETTERS = 10
 """Least number of letters of an alarm's text in its row."""
 GREEN_AHEAD = 1.15
-"""A colour is green where its green is so much stronger than red and blue."""
+"""A colour is green where its green is this much stronger than red and blue."""
 
 
 def clocks_of(screen: Screen) -> Clocks:
@@ -177,10 +177,10 @@ def _severities(snapshot: Snapshot) -> dict[str, tuple[int, str]]:
 
 
 HELD_S = 2.0
-"""Names may be held for so long without a new frame."""
+"""Names may be held for this long without a new frame."""
 SLACK_S = 0.5
 """Time from a frame to the screen that shows it, s: its way to the station, a turn of the fold, a poll."""
-LEAST_PREFIX = 2
+MIN_PREFIX = 2
 """Letters by which a cut name is known."""
 LABEL_LETTER = re.compile(r"[\w\-?~#%+.,:=±… \0]")
 WORDS = frozenset(
@@ -359,7 +359,7 @@ def check_cut_names(screen: Screen, moment: Moment) -> Iterator[tuple[str, str]]
                 yield "cut name", f"{name!r} at the edge of {pane}: {row.strip()!r}"
 
 
-def _cut_name(text: str, names: tuple[str, ...], least: int = LEAST_PREFIX) -> str:
+def _cut_name(text: str, names: tuple[str, ...], least: int = MIN_PREFIX) -> str:
     """The name of which a part ends a text, empty if none or a whole one does that no other begins with."""
     whole = [name for name in names if text.endswith(name)]
     for name in names:

@@ -64,7 +64,7 @@ class Script:
     silent: Mapping[int, Span] = field(default_factory=dict)
     """When nothing of a vehicle is received, by system id; 0: of no vehicle."""
     restarted: tuple[int, ...] = ()
-    """Of the silent ones, those that were switched off: their clocks begin anew."""
+    """Of the silent ones, those that were switched off: their clocks begin again."""
     impostor: Span | None = None
     """A second sender uses the first ground vehicle's id."""
     texts: Span | None = None

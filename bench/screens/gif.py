@@ -27,7 +27,7 @@ COLOURS = 96
 BEGINS = "video ok"
 """The first picture shows that: it stands for all where nothing moves."""
 LAST_S = 2.0
-"""For which the last frame stands before it begins anew."""
+"""For which the last frame stands before it starts again."""
 BOLD = "1"
 HALVES = {"▀": (0.0, 0.5), "▄": (0.5, 1.0), "█": (0.0, 1.0)}
 """What of a cell has the colour of the letter."""

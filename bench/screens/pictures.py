@@ -64,7 +64,7 @@ SCENES: Final = {
 
 
 class _ShownApp(RollcallApp):
-    """The app in a terminal of so many colours."""
+    """The app in a terminal of this many colours."""
 
     CSS_PATH = str(Path(gcs.tui.__file__).with_name("app.tcss"))
 

@@ -131,7 +131,7 @@ _HELD = ("processes", "rss_mb", "own_mb", "cpu_percent", "threads", "descriptors
 COLUMNS = ("t_s", *_HELD, "longest_stall_ms", "stalls")
 WARM_UP = 0.1
 """Share of the run after which memory is taken as the beginning's."""
-MOST_TOLD = 5
+MAX_TOLD = 5
 """Different warnings and alarms that the page quotes."""
 
 
@@ -167,7 +167,7 @@ def report(run: Run, chosen: argparse.Namespace) -> str:
         ("not in the recording", f"{lost:,}"),
         ("sender's latest datagram", f"{run.sent['late_ms']:.0f} ms late"),
         ("no growth of the recording for > 200 ms", f"{run.stalls} times, longest {1e3 * run.longest_s:.0f} ms"),
-        ("warnings and alarms", "; ".join([f"{len(run.told)}", *sorted(set(run.told))[:MOST_TOLD]])),
+        ("warnings and alarms", "; ".join([f"{len(run.told)}", *sorted(set(run.told))[:MAX_TOLD]])),
         ("exit code of the flight", str(run.exit_code)),
     ]
     if run.samples:

@@ -27,7 +27,7 @@ from infra.markdown import markdown_table
 from sim.world.scenario import Occlusion, ScenarioFault, ScenarioFlight, ScenarioView
 from tests.support.scripted import InjectedFaults
 
-LIES, LEAST_PER_LIE = ("jump", "drift", "spoof", "frozen"), 4
+LIES, MIN_PER_LIE = ("jump", "drift", "spoof", "frozen"), 4
 """Faults by which a vehicle reports to be elsewhere, and vehicles for each that has one: where many do nobody can know
 who lies, or whether the camera is elsewhere."""
 
@@ -115,7 +115,7 @@ def drawn_script(seed: int) -> FlightScript:
     for i in troubled:
         kind = str(draw.choice(["silent", "silent", "lag", "frozen", "jump", "drift", "spoof", "zero"]))
         lies += kind in LIES
-        if lies > vehicles // LEAST_PER_LIE:
+        if lies > vehicles // MIN_PER_LIE:
             kind = "silent"
         start_s = float(draw.choice([-9.0, *draw.uniform(3.0, seconds - 8.0, 3)])) if kind == "silent" else 8.0
         stop_s = float(draw.choice([1e9, max(start_s, 0.0) + draw.uniform(2.0, 18.0)]))

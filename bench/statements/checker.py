@@ -53,7 +53,7 @@ FOUND_OUT_S = 3.0
 TURN_S = 0.3
 CONTRADICTIONS = ("conflict", "doubted", "refused")
 LATE_S = 4.0
-"""An alarm is there so long after what raises it, where its rule asks for no longer."""
+"""An alarm is there this long after what raises it, where its rule asks for no longer."""
 
 
 def check_rows(flown: TrueFlight, moment: Moment) -> Iterator[tuple[Said, str]]:
@@ -287,7 +287,7 @@ def _calls(flown: TrueFlight) -> RollCall:
     calls = RollCall(mission)
     for moment in flown.moments:
         calls.add(moment.snapshot, moment.now_us)
-    calls.end(len(read_times(flown.folder / "frames.csv").times_us))
+    calls.set_frame_count(len(read_times(flown.folder / "frames.csv").times_us))
     return calls
 
 

@@ -187,7 +187,7 @@ class TrueFlight:
         Args:
             system_id: of the vehicle.
             t_us: the time, Unix µs.
-            within_s: a fault counts for so many seconds of film after its end, as without frames nobody notices it.
+            within_s: a fault counts for this many seconds of film after its end, as without frames nobody notices it.
         """
         at_s = self.at_s(t_us)
         for fault in self.script.faults:

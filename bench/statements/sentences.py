@@ -19,11 +19,11 @@ S = 1_000_000
 SLACK_S = 1.2
 """A turn of the fold, the monitor's half second, a frame that waits for its telemetry, rounding."""
 SILENT_S, LOST_S = 3.4, 3.0
-"""As ``docs/operations.md`` has it, less a tenth: no heartbeat for so long, while positions stop; no position."""
+"""As ``docs/operations.md`` has it, less a tenth: no heartbeat for this long, while positions stop; no position."""
 HOLD_S = 5.0
-"""An alarm may stand for so long after its cause, which has gone for three seconds then."""
+"""An alarm may stand for this long after its cause, which has gone for three seconds then."""
 ADRIFT_S, STOPPED_S = 3.0, 0.45
-"""For so long a lie that has ended is still in the fold; least time without a frame that is a stop."""
+"""For this long a lie that has ended is still in the fold; least time without a frame that is a stop."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

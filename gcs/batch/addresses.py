@@ -15,8 +15,8 @@ from typing import Any
 from gcs.errors import StoreError
 from infra.secrets import conceal, conceal_in, concealed
 
-_MOST_SHOWN, _MOST_SAID = 200, 500
-"""Letters of an address, and of what a store says, in an error."""
+_MAX_SHOWN, _MAX_REASON = 200, 500
+"""Maximum number of letters in an error of an address, and of what a store says."""
 _LOCAL = ("file", "local")
 _WEB = ("http", "https")
 _MAGIC = frozenset("*?[")
@@ -89,9 +89,9 @@ def store_errors(address: str) -> Iterator[None]:
     except FileNotFoundError as error:
         raise StoreError(f"{shown}: no such file or folder") from error
     except Exception as error:
-        said = conceal(conceal_in(" ".join(str(error).split()), address))
-        raise StoreError(f"{shown}: {said[:_MOST_SAID] or type(error).__name__}") from error
+        reason = conceal(conceal_in(" ".join(str(error).split()), address))
+        raise StoreError(f"{shown}: {reason[:_MAX_REASON] or type(error).__name__}") from error
 
 
 def _shown(address: str) -> str:
-    return concealed(address)[:_MOST_SHOWN]
+    return concealed(address)[:_MAX_SHOWN]

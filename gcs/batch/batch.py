@@ -42,9 +42,16 @@ if TYPE_CHECKING:
 
 CONNECT_S = 10.0
 AHEAD = 4
-"""Flights for each thread of the cluster that the scheduler knows of, and ..."""
-LEAST_AHEAD = 64
-"""... at least so many, so that a worker that joins late finds some."""
+"""Flights for each thread of the cluster that the scheduler knows of at a time."""
+MIN_AHEAD = 64
+"""Least number of flights that the scheduler knows of, so that a worker that joins late finds some."""
+_own = threading.local()
+_runners: dict[FlightRunner, threading.Lock] = {}
+_changing = threading.Lock()
+LEFT_ASIDE_S = 86_400.0
+"""Age beyond which no other machine is still working on what it claimed."""
+Note = Callable[[str], None]
+Results = Generator[FlightResult, None, None]
 
 
 def run_in_cluster(
@@ -65,7 +72,7 @@ def run_in_cluster(
             note(f"{scheduler} has no worker yet; start some: dask worker {scheduler}")
         waiting = iter(jobs)
         try:
-            yield from _results(client, waiting, max(LEAST_AHEAD, AHEAD * threads), limits)
+            yield from _results(client, waiting, max(MIN_AHEAD, AHEAD * threads), limits)
         finally:
             with contextlib.suppress(Exception):  # workers may be gone, and end their children then
                 client.run(close_idle_runners)
@@ -121,10 +128,6 @@ def _outcome(future: Future) -> FlightDone | FlightFailed:
 
 # What follows runs in the Dask workers.
 
-_own = threading.local()
-_runners: dict[FlightRunner, threading.Lock] = {}
-_changing = threading.Lock()
-
 
 def run_on_worker(job: FlightJob, limits: RunLimits) -> FlightDone | FlightFailed:
     """Work on a flight in a child of this Dask worker; each of its threads has one, which is kept."""
@@ -159,12 +162,6 @@ def _share() -> int:
     return int(given / threads) if given else share_of_memory(threads)
 
 
-LEFT_ASIDE_S = 86_400.0
-"""Age beyond which no other machine is still working on what it claimed."""
-Note = Callable[[str], None]
-Results = Generator[FlightResult, None, None]
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BatchWork:
     """Workers, and what a flight may cost."""
@@ -181,12 +178,12 @@ class BatchCounts:
     """Outcome of the flights of one run."""
 
     done: int = 0
-    """With a result, those that were skipped included."""
+    """Number of flights with a result, skipped ones included."""
     skipped: int = 0
-    """Those whose result was there before."""
+    """Number of flights whose result was there before."""
     failed: int = 0
     frames: int = 0
-    """That were looked at in this run."""
+    """Number of frames that this run looked at."""
 
 
 def run_batch(
@@ -249,7 +246,7 @@ def run_batch(
 
 
 def _check(results: ResultStore) -> None:
-    """That a folder is new, or a batch's.
+    """Check that a folder is new or a batch's.
 
     Raises:
         BatchError: it holds something else.

@@ -32,10 +32,14 @@ from infra.session_format import (
     VIEW_FOLDER,
 )
 
-MOST_LIST_BYTES = 64 << 20
+MAX_LIST_BYTES = 64 << 20
 """Maximum bytes of a list: a hundred thousand signed addresses."""
 LOG_SUFFIX = ".tlog"
-_MOST_SHOWN = 200
+_MAX_SHOWN = 200
+_NOT_READ = frozenset((IDENTITY.name, IDENTITY_EVIDENCE, MARKS, PROGRAM_LOG, "faults.txt"))
+"""Files of a session that no identification reads: what it wrote itself, and what was made later."""
+MAX_FETCH_BYTES, MAX_FETCH_S = 64 << 30, 7200.0
+"""Limits of fetching one flight out of a store: eighteen hours of video at 8 Mbit/s."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,7 +90,7 @@ def _flights(words: Iterable[str], folder: Path, note: Callable[[str], None]) ->
             yield from _flights_of(word, folder, note)
         except (OSError, RuntimeError) as error:  # of a link to itself Python makes a RuntimeError
             why = error.strerror if isinstance(error, OSError) else "links that lead in a circle"
-            raise BatchError(f"{concealed(word)[:_MOST_SHOWN]}: {why}") from error
+            raise BatchError(f"{concealed(word)[:_MAX_SHOWN]}: {why}") from error
 
 
 def _flights_of(word: str, folder: Path, note: Callable[[str], None]) -> Iterator[BatchFlight]:
@@ -119,7 +123,7 @@ def _has_frames(folder: Path) -> Iterator[bool]:
 
 def _lines(path: Path) -> Iterator[str]:
     try:
-        text = read_small(path, MOST_LIST_BYTES).decode()
+        text = read_small(path, MAX_LIST_BYTES).decode()
     except OSError as error:
         raise BatchError(f"{path}: cannot be read as a list of flights: {error.strerror}") from error
     except ValueError as error:
@@ -163,7 +167,7 @@ def _addresses(word: str, folder: Path, note: Callable[[str], None]) -> Iterator
 def _local_addresses(path: Path, note: Callable[[str], None]) -> Iterator[str]:
     if path.is_dir() and not segments(path / LOG):
         inside = sorted(folder for folder in path.iterdir() if folder.is_dir() and segments(folder / LOG))
-        # a folder without any is a broken flight, and is told as that
+        # a folder without any is a broken flight, and is reported as that
         yield from (str(folder.resolve()) for folder in inside or [path])
     elif path.is_file() and path.suffix.lower() != LOG_SUFFIX:
         note(
@@ -181,21 +185,13 @@ def _remote_addresses(word: str, note: Callable[[str], None]) -> Iterator[str]:
     with store_errors(word):
         files, pattern = remote_files(word)
         found = files.glob(pattern, detail=True)
-    for path, told in sorted(found.items()):
-        if told["type"] == "directory" or path.endswith(LOG_SUFFIX):
+    for path, entry in sorted(found.items()):
+        if entry["type"] == "directory" or path.endswith(LOG_SUFFIX):
             yield files.unstrip_protocol(path.rstrip("/"))
         else:
             note(f"{path}: neither a folder nor a {LOG_SUFFIX}; left out")
     if not found:
         note(f"{word}: nothing there is called so")
-
-
-_NOT_READ = frozenset((IDENTITY.name, IDENTITY_EVIDENCE, MARKS, PROGRAM_LOG, "faults.txt"))
-"""Files of a session that no identification reads: what it wrote itself, and what was made later."""
-
-
-MOST_FETCH_BYTES, MOST_FETCH_S = 64 << 30, 7200.0
-"""Limits of fetching one flight out of a store: eighteen hours of video at 8 Mbit/s."""
 
 
 def _is_read(name: str) -> bool:
@@ -251,8 +247,8 @@ def _remote_listing(address: str) -> Iterator[tuple[str, str]]:
     """Path of each file of a recording in a store, and what the store tells apart its contents by."""
     files, path = remote_files(address)
     files.invalidate_cache()
-    told = files.info(path)
-    listed = [told] if told["type"] == "file" else files.ls(path, detail=True)
+    entry = files.info(path)
+    listed = [entry] if entry["type"] == "file" else files.ls(path, detail=True)
     for each in sorted(listed, key=lambda info: str(info["name"])):
         name = str(each["name"])
         if each["type"] == "file" and _is_read(name.rpartition("/")[2]):
@@ -273,10 +269,6 @@ def remote_stamp(address: str) -> str:
 def fetch(address: str, place: Path) -> None:
     """Copy a recording out of a store.
 
-    Args:
-        address: of a session folder or a telemetry log.
-        place: path of this machine that the folder or the log gets.
-
     Raises:
         StoreError: it cannot be fetched, or is larger or slower than a flight.
     """
@@ -284,16 +276,16 @@ def fetch(address: str, place: Path) -> None:
     from fsspec.callbacks import Callback
 
     class _Bounded(Callback):  # type: ignore[misc]
-        """Counts what comes of all files, and breaks it off when it is too much."""
+        """Callback that counts the bytes of all files, and breaks the download off when they are too many."""
 
         def __init__(self) -> None:
             super().__init__()
-            self._came, self._until_s = 0, time.monotonic() + MOST_FETCH_S
+            self._came, self._until_s = 0, time.monotonic() + MAX_FETCH_S
 
         def relative_update(self, inc: int = 1) -> None:
             self._came += inc
-            if self._came > MOST_FETCH_BYTES or time.monotonic() > self._until_s:
-                most = f"{MOST_FETCH_BYTES >> 30} GiB or {MOST_FETCH_S / 3600:g} h"
+            if self._came > MAX_FETCH_BYTES or time.monotonic() > self._until_s:
+                most = f"{MAX_FETCH_BYTES >> 30} GiB or {MAX_FETCH_S / 3600:g} h"
                 raise StoreError(f"more than {most} for one flight; fetch it yourself")
 
     with store_errors(address):

@@ -31,7 +31,7 @@ class BatchOptions(msgspec.Struct, frozen=True, kw_only=True):
     """Width and height of the frames, px, of recordings that do not know."""
 
     def text(self) -> str:
-        """All of it on one line, the same for the same options."""
+        """Options on one line, the same for the same options."""
         kept = {name: value for name, value in msgspec.structs.asdict(self).items() if value and name != "mission"}
         return json.dumps(kept | ({"mission": True} if self.mission else {}), sort_keys=True)
 
@@ -63,7 +63,7 @@ class FlightFailed(msgspec.Struct, frozen=True, tag=True):
     """A flight that gave no result."""
 
     error: str
-    """One line: what, where, and what to do."""
+    """Error in one line: what, where, and what to do."""
     again: bool
     """True if another attempt may help."""
     attempts: int = 1
@@ -78,7 +78,7 @@ class VehicleCall(msgspec.Struct, frozen=True, kw_only=True):
     boxes: int
     frames_in_view: int
     frames_unknown: int = 0
-    """In which nobody knows whether it was in view; 0 in results of earlier versions."""
+    """Number of frames in which it is not known whether it was in view; 0 in results of earlier versions."""
     share: float | None = None
     """Share of the frames in view in which a box had its name."""
     confidence: float | None
@@ -111,7 +111,7 @@ class FlightRecord(msgspec.Struct, frozen=True, kw_only=True):
     status: str
     """``done`` or ``failed``."""
     error: str | None = None
-    """Why it failed, on one line."""
+    """Reason why it failed, on one line."""
     source: str
     version: str
     versions: dict[str, str]
@@ -146,11 +146,11 @@ class FlightRecord(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class FlightDone(msgspec.Struct, frozen=True, tag=True):
-    """A flight's result is in place."""
+    """Success of a flight: its result is in place."""
 
     record: FlightRecord
     skipped: bool
-    """It was there before."""
+    """True if the result was there before."""
     worker_bytes: int
     """Memory that the worker holds now."""
 

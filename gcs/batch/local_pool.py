@@ -15,13 +15,13 @@ from gcs.batch.stores import open_results
 
 FlightResult = tuple[FlightJob, FlightDone | FlightFailed]
 OnFrames = Callable[[str, int, int], None]
-"""Given a flight's name, how many frames of it are done, and of how many."""
+"""Callback for progress: a flight's name, the number of frames that are done, and of all frames."""
 
 
 def run_in_processes(
     jobs: Iterable[FlightJob], workers: int, limits: RunLimits, on_frames: OnFrames
 ) -> Generator[FlightResult, None, None]:
-    """Work on flights, so many at once, and give results as they come; closing it ends what is under way.
+    """Work on flights in several processes at once, and yield results as they come; closing it ends what is under way.
 
     Args:
         on_frames: called by the threads that look after the workers.

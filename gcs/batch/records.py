@@ -61,11 +61,7 @@ def write_failure(results: ResultStore, record: FlightRecord) -> FlightRecord:
 
 
 def all_records(results: ResultStore, now: Mapping[str, FlightRecord]) -> list[FlightRecord]:
-    """Records of all flights that there are results of.
-
-    Args:
-        results: where they are.
-        now: those that are known, by flight; the others are read.
+    """Return the records of all flights of which there are results.
 
     Raises:
         StoreError: the store does not answer.

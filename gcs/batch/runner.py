@@ -1,4 +1,4 @@
-"""One worker process after the other, and one flight at a time in it: what dies, hangs or grows costs an attempt."""
+"""A worker process that works on one flight after the other, and is replaced when it dies, hangs or grows."""
 
 from __future__ import annotations
 
@@ -24,35 +24,35 @@ START_S = 120.0
 """A worker loads what it needs meanwhile; time limits are counted from when it has."""
 END_S = 2.0
 FRESH_AFTER_BYTES = 1 << 30
-"""A worker that holds more after a flight makes way for a fresh one, as does ..."""
+"""Memory of a worker after a flight beyond which a fresh one takes its place, bytes."""
 FRESH_AFTER_FLIGHTS = 500
-"""... one that has done so many."""
+"""Number of flights after which a fresh worker takes its place."""
 MEMORY_SHARE = 0.9
 """Share of the machine's memory, for all workers together."""
 ONE_THREAD = {
     name: os.environ.get(name, "1")
     for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "OPENCV_FOR_THREADS_NUM")
 }
-"""Unless told: there is a worker for each core."""
-_Told = FramesDone | FlightDone | FlightFailed
+"""Environment of a worker: one thread unless told otherwise, as there is a worker for each core."""
+_WorkerMessage = FramesDone | FlightDone | FlightFailed
 _log = logging.getLogger(__name__)
 
 
 def share_of_memory(workers: int) -> int:
-    """Bytes that each of so many workers may hold."""
+    """Bytes that each of this many workers may hold."""
     return int(MEMORY_SHARE * psutil.virtual_memory().total / workers)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RunLimits:
-    """Limits of what a flight may cost."""
+    """Limits of one flight."""
 
     retries: int = 1
     """Further attempts where the first was killed, took too long, or met a fault; none for input that is of no use."""
     timeout_s: float | None = None
     """Timeout of one attempt."""
     most_bytes: int | None = None
-    """That a worker may hold; None: its share of the machine's memory."""
+    """Most memory that a worker may hold, bytes; None: its share of the machine's memory."""
 
 
 def keep_log(job: FlightJob, result: FlightDone | FlightFailed, log: bytes) -> None:
@@ -72,7 +72,7 @@ class FlightRunner:
 
     def __init__(self, limits: RunLimits) -> None:
         self.limits = limits
-        self._child: ChildProcess[_Told] | None = None
+        self._child: ChildProcess[_WorkerMessage] | None = None
         self._flights = 0
         self.stopping = False
 
@@ -127,7 +127,7 @@ class FlightRunner:
 
     def _work(self, job: FlightJob, report: Callable[[int, int], None]) -> FlightDone | FlightFailed:
         if self._child is None:
-            self._child = ChildProcess("gcs.batch.worker", _Told, environment=ONE_THREAD)
+            self._child = ChildProcess("gcs.batch.worker", _WorkerMessage, environment=ONE_THREAD)
             self._flights = 0
         child, self._flights = self._child, self._flights + 1
         deadline_s = time.monotonic() + START_S
@@ -151,7 +151,7 @@ class FlightRunner:
             child.kill()
             return self._kill(f"its worker died ({child.exit_reason})")
 
-    def _excess(self, child: ChildProcess[_Told], deadline_s: float) -> str:
+    def _excess(self, child: ChildProcess[_WorkerMessage], deadline_s: float) -> str:
         """Limit that a flight exceeds, in words; empty for nothing."""
         if self.stopping:
             return "was broken off"

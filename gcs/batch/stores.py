@@ -1,12 +1,11 @@
-"""A place for a batch's results: a folder of this machine, or a store that fsspec writes. What is there is whole.
+"""Stores for a batch's results: a folder of this machine, or whatever fsspec writes. A file in a store is complete.
 
-Names are relative, with ``/`` between folders. What has a name already is replaced at once or not at all: the results
+Names are relative, with ``/`` between folders. A file of the same name is replaced at once or not at all: the results
 of one flight from the same input are the same bytes, whoever was quicker.
 
-One batch at a time has a store: an object tells who writes, and is written anew every few seconds while it does. Whose
-object stands still was killed: another batch takes over after having watched it for a while. No clock is
-compared, as those of two machines differ. Where two take over at the same moment nothing is lost but work: results of
-the same input are the same bytes.
+One batch at a time may write into a store. A lock file says which, and is rewritten every few seconds while that batch
+runs. A lock file that stays the same is of a batch that was killed: another batch takes over after watching it for a
+while. No clock is compared, as those of two machines differ. Where two take over at the same moment only work is lost.
 """
 
 from __future__ import annotations
@@ -21,9 +20,10 @@ import tempfile
 import threading
 import time
 import uuid
+from abc import ABC, abstractmethod
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 import msgspec
 import psutil
@@ -36,13 +36,18 @@ UNREADABLE = (msgspec.DecodeError, UnicodeDecodeError, RecursionError)
 """Errors of a file that others may have written."""
 RENEW_S = 10.0
 WATCH_S = 30.0
-"""A batch that has not renewed its object for so long is over."""
+"""A batch that has not renewed its object for this long is over."""
 POLL_S = 1.0
+ASIDE = ".aside"
+"""Folder of files that are not complete yet."""
+LOCK = ".lock"
+_PUT_WHOLE = frozenset(("s3", "s3a", "gs", "gcs", "abfs", "abfss", "az", "adl", "oci", "memory"))
+"""Protocols of stores that show a file only once all of it has come."""
 _log = logging.getLogger(__name__)
 
 
 class LockHolder(msgspec.Struct, frozen=True, kw_only=True):
-    """Batch that writes into a store."""
+    """Batch that writes into a store, as its lock file has it."""
 
     host: str
     pid: int
@@ -56,9 +61,6 @@ class LockHolder(msgspec.Struct, frozen=True, kw_only=True):
 @contextlib.contextmanager
 def held(files: Any, path: str, address: str) -> Iterator[None]:  # noqa: ANN401 - fsspec has no types
     """Hold a store while a block runs.
-
-    Args:
-        files: fsspec's file system.
 
     Raises:
         StoreError: another batch holds it, or it cannot be written.
@@ -95,7 +97,7 @@ def _take(files: Any, path: str, address: str, me: LockHolder) -> None:  # noqa:
 
 
 def _is_dead(holder: LockHolder) -> bool:
-    """Tell whether it is of this machine, and over."""
+    """Tell whether the holder is a process of this machine that has ended."""
     if holder.host != platform.node():
         return False
     try:
@@ -127,70 +129,43 @@ def _write(files: Any, path: str, holder: LockHolder) -> None:  # noqa: ANN401
 
 
 def _read(files: Any, path: str) -> LockHolder | None:  # noqa: ANN401
-    """Holder of the store; None for nobody, or what is no such object."""
+    """Read the holder of the store's lock; None for nobody, or for a file that is no lock."""
     with store_errors(path), contextlib.suppress(FileNotFoundError, *UNREADABLE):
         files.invalidate_cache()
         return msgspec.json.decode(files.cat_file(path), type=LockHolder)
     return None
 
 
-ASIDE = ".aside"
-"""Folder of what is not whole yet."""
-LOCK = ".lock"
-_PUT_WHOLE = frozenset(("s3", "s3a", "gs", "gcs", "abfs", "abfss", "az", "adl", "oci", "memory"))
-"""Protocols of stores that show a file when all of it has come."""
-
-
-class ResultStore(Protocol):
-    """Files by name, whole or not there.
+class _Results(ABC):
+    """Files by name, complete or not there. Every function raises StoreError where the store does not answer or
+    refuses.
 
     Attributes:
         address: absolute path or address of the folder.
-
-    Every function raises StoreError where the store does not answer or refuses.
     """
 
     address: str
 
-    def claim(self, *, older_s: float) -> contextlib.AbstractContextManager[None]:
-        """Hold it while a block runs, so that no other batch writes into it.
-
-        Args:
-            older_s: what others left aside and has not been touched for so long is removed.
-        """
-
+    @abstractmethod
     def scratch(self, name: str) -> Path:
-        """A new folder of this machine to make a flight's results in; who asks removes it."""
+        """Make a new folder of this machine for a flight's results; the caller removes it."""
 
+    @abstractmethod
     def put(self, path: Path, name: str) -> None:
         """Put a file of a scratch folder into place; it may be gone from there afterwards."""
 
     def write(self, data: bytes, name: str) -> None:
         """Put bytes into place."""
-
-    def read(self, name: str) -> bytes | None:
-        """Content of a file, None where there is none."""
-
-    def size(self, name: str) -> int | None:
-        """Bytes of what is there, None for nothing."""
-
-    def remove(self, name: str) -> None:
-        """Remove what is there, if anything is."""
-
-    def names(self, folder: str) -> list[str]:
-        """Names of the files and folders in a folder, in order; none where there is no such folder."""
+        scratch = self.scratch("write")
+        try:
+            with store_errors(f"{self.address}/{name}"):
+                (scratch / "data").write_bytes(data)
+            self.put(scratch / "data", name)
+        finally:
+            shutil.rmtree(scratch, ignore_errors=True)
 
 
-def open_results(address: str) -> ResultStore:
-    """The store at an absolute path or address.
-
-    Raises:
-        StoreError: what reads it is not installed.
-    """
-    return RemoteResults(address) if is_remote(address) else LocalResults(local_path(address))
-
-
-class LocalResults:
+class LocalResults(_Results):
     """A folder of this machine, or of a disk that several share."""
 
     def __init__(self, folder: Path) -> None:
@@ -199,7 +174,8 @@ class LocalResults:
 
     @contextlib.contextmanager
     def claim(self, *, older_s: float) -> Iterator[None]:
-        """Implements the protocol."""
+        """Hold the folder while a block runs, so that no other batch writes into it; remove what others left aside
+        before."""
         with store_errors(self.address):
             self._folder.mkdir(parents=True, exist_ok=True)
             lock = open_to_append(self._folder / LOCK)
@@ -221,13 +197,13 @@ class LocalResults:
                         shutil.rmtree(path, ignore_errors=True)
 
     def scratch(self, name: str) -> Path:
-        """Implements the protocol."""
+        """Make a new folder of this machine for a flight's results; the caller removes it."""
         with store_errors(self.address):
             (self._folder / ASIDE).mkdir(parents=True, exist_ok=True)
             return Path(tempfile.mkdtemp(prefix=f"{name}-", dir=self._folder / ASIDE))
 
     def put(self, path: Path, name: str) -> None:
-        """Implements the protocol."""
+        """Put a file of a scratch folder into place; it may be gone from there afterwards."""
         with store_errors(f"{self.address}/{name}"):
             place = self._folder / name
             place.parent.mkdir(parents=True, exist_ok=True)
@@ -235,45 +211,32 @@ class LocalResults:
                 os.fsync(file.fileno())
             path.replace(place)
 
-    def write(self, data: bytes, name: str) -> None:
-        """Implements the protocol."""
-        scratch = self.scratch("write")
-        try:
-            with store_errors(f"{self.address}/{name}"):
-                (scratch / "data").write_bytes(data)
-            self.put(scratch / "data", name)
-        finally:
-            shutil.rmtree(scratch, ignore_errors=True)
-
     def read(self, name: str) -> bytes | None:
-        """Implements the protocol."""
+        """Return the content of a file, None where there is none."""
         with store_errors(f"{self.address}/{name}"), contextlib.suppress(FileNotFoundError):
             return (self._folder / name).read_bytes()
         return None
 
     def size(self, name: str) -> int | None:
-        """Implements the protocol."""
+        """Return the bytes of a file, None where there is none."""
         with store_errors(f"{self.address}/{name}"), contextlib.suppress(FileNotFoundError):
             return (self._folder / name).stat().st_size
         return None
 
     def remove(self, name: str) -> None:
-        """Implements the protocol."""
+        """Remove a file, if there is one."""
         with store_errors(f"{self.address}/{name}"):
             (self._folder / name).unlink(missing_ok=True)
 
     def names(self, folder: str) -> list[str]:
-        """Implements the protocol."""
+        """Return the names of the files and folders in a folder, in order; none where there is no such folder."""
         with store_errors(f"{self.address}/{folder}"), contextlib.suppress(FileNotFoundError):
             return sorted(path.name for path in (self._folder / folder).iterdir())
         return []
 
 
-class RemoteResults:
+class RemoteResults(_Results):
     """A folder of whatever fsspec writes.
-
-    Args:
-        address: with its protocol.
 
     Raises:
         StoreError: what reads it is not installed.
@@ -285,15 +248,16 @@ class RemoteResults:
         self._whole = address.partition("://")[0] in _PUT_WHOLE
 
     def claim(self, *, older_s: float) -> contextlib.AbstractContextManager[None]:
-        """Implements the protocol, against batches of other machines too; a store has nothing that is left aside."""
+        """Hold the folder while a block runs, against batches of other machines too; nothing is left aside in a
+        store."""
         return held(self._files, f"{self._folder}/{LOCK}", self.address)
 
     def scratch(self, name: str) -> Path:
-        """Implements the protocol."""
+        """Make a new folder of this machine for a flight's results; the caller removes it."""
         return Path(tempfile.mkdtemp(prefix=f"gcs-batch-{name}-"))
 
     def put(self, path: Path, name: str) -> None:
-        """Implements the protocol."""
+        """Put a file of a scratch folder into place; it may be gone from there afterwards."""
         with store_errors(f"{self.address}/{name}"):
             place = f"{self._folder}/{name}"
             if self._whole:
@@ -305,17 +269,8 @@ class RemoteResults:
             self._files.put_file(str(path), written)
             self._files.mv(written, place)
 
-    def write(self, data: bytes, name: str) -> None:
-        """Implements the protocol."""
-        scratch = self.scratch("write")
-        try:
-            (scratch / "data").write_bytes(data)
-            self.put(scratch / "data", name)
-        finally:
-            shutil.rmtree(scratch, ignore_errors=True)
-
     def read(self, name: str) -> bytes | None:
-        """Implements the protocol."""
+        """Return the content of a file, None where there is none."""
         with store_errors(f"{self.address}/{name}"), contextlib.suppress(FileNotFoundError):
             data = self._files.cat_file(f"{self._folder}/{name}")
             if isinstance(data, bytes):
@@ -323,21 +278,33 @@ class RemoteResults:
         return None
 
     def size(self, name: str) -> int | None:
-        """Implements the protocol."""
+        """Return the bytes of a file, None where there is none."""
         with store_errors(f"{self.address}/{name}"), contextlib.suppress(FileNotFoundError):
             self._files.invalidate_cache()
             return int(self._files.size(f"{self._folder}/{name}"))
         return None
 
     def remove(self, name: str) -> None:
-        """Implements the protocol."""
+        """Remove a file, if there is one."""
         with store_errors(f"{self.address}/{name}"), contextlib.suppress(FileNotFoundError):
             self._files.rm_file(f"{self._folder}/{name}")
 
     def names(self, folder: str) -> list[str]:
-        """Implements the protocol."""
+        """Return the names of the files and folders in a folder, in order; none where there is no such folder."""
         with store_errors(f"{self.address}/{folder}"), contextlib.suppress(FileNotFoundError):
             self._files.invalidate_cache()
             found = self._files.ls(f"{self._folder}/{folder}".rstrip("/"), detail=False)
             return sorted(str(path).rstrip("/").rpartition("/")[2] for path in found)
         return []
+
+
+ResultStore = LocalResults | RemoteResults
+
+
+def open_results(address: str) -> ResultStore:
+    """The store at an absolute path or address.
+
+    Raises:
+        StoreError: what reads it is not installed.
+    """
+    return RemoteResults(address) if is_remote(address) else LocalResults(local_path(address))

@@ -1,6 +1,6 @@
 """The work on one flight: a recording in, its table and record in their places out. Prints nothing.
 
-A result is of the same input, program and options as what is asked for, or is made anew: first its record goes, then
+A result is of the same input, program and options as what is asked for, or is made again: first its record goes, then
 its table is replaced at once, then the new record comes. So whatever is killed when, a record stands beside the table
 that it is about.
 """

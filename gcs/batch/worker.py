@@ -17,8 +17,8 @@ from gcs.batch.work import work_on
 from infra.processes.channel import MessageChannel, connect_to_parent
 
 
-class _Asked:
-    """Jobs as they come; the end of whoever sends them is the end of this process."""
+class _JobInbox:
+    """Inbox of the jobs that come from another process; the end of whoever sends them is the end of this process."""
 
     def __init__(self, channel: MessageChannel[FlightJob]) -> None:
         self._channel = channel
@@ -47,9 +47,9 @@ def main() -> None:
     gc.freeze()
     gc.set_threshold(50_000, 20, 100)  # as the command has it
     channel: MessageChannel[FlightJob] = connect_to_parent(FlightJob)
-    asked = _Asked(channel)
+    jobs = _JobInbox(channel)
     while True:
-        job = asked.next()
+        job = jobs.next()
         channel.send(work_on(job, channel))
 
 

@@ -75,7 +75,7 @@ _MODULES = {
     "sim run": "sim",
     "train-detector": "detectors.train_detector",
 }
-"""In ``gcs.cli``, of commands whose module has another name; the function has the module's last one."""
+"""Modules in ``gcs.cli`` of the commands whose module has another name; the function has the module's last one."""
 _MOVED = {"bench": "benchmarks are run in a checkout now: python -m bench.{rest}"}
 """Commands that earlier releases had, with what to type now."""
 _RENAMED = {
@@ -114,7 +114,7 @@ _WORDS = {
 
 
 def _with_words(command: Any) -> Any:  # noqa: ANN401
-    """The same command, with words for the values of its options, and the arguments' names without their types."""
+    """Return a command with words for the values of its options, and the arguments' names without their types."""
     words = {option: word for word, options in _WORDS.items() for option in options.split()}
     for param in (param for each in (command, *getattr(command, "commands", {}).values()) for param in each.params):
         if param.param_type_name == "argument":

@@ -11,7 +11,7 @@ import typer
 from gcs.cli.output.console import AsJson, print_json, print_lines, print_note
 from gcs.cli.output.progress import progress
 from gcs.cli.output.tables import print_table
-from vision.camera.calibrate import MOST_VIEWS, PARAMETERS, Calibration, doubts
+from vision.camera.calibrate import MAX_VIEWS, PARAMETERS, Calibration, doubts
 from vision.camera.calibrate import calibrate as fit
 from vision.camera.calibrate_views import Board, chosen, find_views
 from vision.camera.lens_file import lens_text
@@ -35,7 +35,7 @@ def calibrate(
     with VideoFile.open(video) as film, progress("calibrate") as report:
         found, looked = find_views(film, pattern, report)
         size = film.width, film.height
-    views = chosen(found, MOST_VIEWS)
+    views = chosen(found, MAX_VIEWS)
     print_note(f"the board is whole and sharp in {len(found)} of {looked} frames, {len(views)} of them differ")
     calibration = fit(views, pattern, size)
     against = list(doubts(calibration))

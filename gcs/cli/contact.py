@@ -1,4 +1,4 @@
-"""First contact, which a flight begins with: a mission file, or else who is heard, told while it is listened to."""
+"""First contact, which a flight begins with: a mission file, or else who is heard, reported while it is listened to."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from gcs.flight.devices import cameras, serial_links
 from gcs.flight.listening import HEARD_VIDEO, USUAL_LINKS, Listening, usual_links
 from gcs.flight.video import AUTO, IF_OFFERED
 from gcs.mission.mission import Links, Mission, SigningChoice, keys_folder, load_mission
-from gcs.mission.roster import Found, HeardVehicle, Role, mission_of, proposed_roles
+from gcs.mission.roster import FleetChoice, HeardVehicle, Role, mission_of, proposed_roles
 from gcs.mission.terrain_file import TerrainFile
 from gcs.mission.tile_file import TileFile
 from gcs.mission.written import MISSION_FILE
@@ -35,14 +35,15 @@ STOPPED = 130
 """Exit code of who was interrupted before anything flew, as shells have it."""
 
 SETTLED_S = 3.0
-"""With nothing new for so long everybody has been heard: positions and heartbeats come once a second or more often."""
+"""Time with nothing new after which everybody has been heard, s: positions and heartbeats come at least once a
+second."""
 TURN_S = 0.2
 TELL_S = 1.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Wanted:
-    """Wishes of the command line for a flight without a mission file."""
+    """Choices of the command line for a flight without a mission file."""
 
     links: tuple[str, ...]
     """Empty: the usual ports."""
@@ -51,7 +52,7 @@ class Wanted:
     uav: int | None
     """System id of the aircraft that films; None: as heard."""
     ugv: tuple[int, ...]
-    """Those of the fleet; empty: as heard."""
+    """Ground vehicles of the fleet by the command line; empty: as heard."""
     forward: tuple[str, ...]
     """Addresses that packets go on to."""
     accept_late: tuple[int, ...]
@@ -60,7 +61,7 @@ class Wanted:
 
     @property
     def video(self) -> str | None:
-        """Video of the first camera, None: not told."""
+        """Video of the first camera, None: not given."""
         return next(iter(self.videos), None)
 
     @property
@@ -81,7 +82,7 @@ class Wanted:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Ready:
-    """Beginning of a flight, from a mission file or from what was heard."""
+    """Mission and links with which a flight begins, from a mission file or from what was heard."""
 
     mission: Mission
     links: tuple[str, ...]
@@ -167,7 +168,7 @@ def prepare(
 
 
 def _with_videos(mission: Mission, videos: Sequence[str], path: Path) -> Mission:
-    """With the further cameras' videos of the command line, where it has them.
+    """Return the mission with the further cameras' videos of the command line, where it has them.
 
     Raises:
         GcsError: there are more than cameras, or two cameras have one.
@@ -209,7 +210,7 @@ def _listen(wanted: Wanted, *, command: bool) -> Listening:
     return listening
 
 
-def _ask_who_flies(listening: Listening, wanted: Wanted, asked: AskedBySignals, theme: ThemeName) -> Found | None:
+def _ask_who_flies(listening: Listening, wanted: Wanted, asked: AskedBySignals, theme: ThemeName) -> FleetChoice | None:
     """The start screen; None where it was left without a flight."""
     # The screens are slow to import, and headless flights do without.
     from gcs.tui import run_start
@@ -226,16 +227,16 @@ def _ask_who_flies(listening: Listening, wanted: Wanted, asked: AskedBySignals, 
         )
 
 
-def _find_fleet(listening: Listening, wanted: Wanted, asked: AskedBySignals) -> Found | None:
+def _find_fleet(listening: Listening, wanted: Wanted, asked: AskedBySignals) -> FleetChoice | None:
     """Listen without a screen until an aircraft and a fleet report their positions and nothing new comes.
 
-    What is heard is told once a second at most. None: a signal asks to end.
+    What is heard is reported once a second at most. None: a signal asks to end.
 
     Raises:
         LinkError: nothing is heard.
         GcsError: it is not clear who films, or nobody is to be named.
     """
-    began_s, told_s, told = time.monotonic(), 0.0, ""
+    began_s, shown_s, shown = time.monotonic(), 0.0, ""
     if not wanted.complete:
         print_note(f"listening on {listening.where}")
     while not wanted.complete:
@@ -244,8 +245,8 @@ def _find_fleet(listening: Listening, wanted: Wanted, asked: AskedBySignals) -> 
         listening.poll(TURN_S)
         now_s = time.monotonic()
         text = _heard_text(listening)
-        if text != told and now_s - told_s >= TELL_S:
-            told, told_s = text, now_s
+        if text != shown and now_s - shown_s >= TELL_S:
+            shown, shown_s = text, now_s
             print_note(text)
         if now_s - began_s >= wanted.listen_s or (listening.quiet_s >= SETTLED_S and _all_report(listening, wanted)):
             break
@@ -260,7 +261,7 @@ def _find_fleet(listening: Listening, wanted: Wanted, asked: AskedBySignals) -> 
     silent = [str(i) for i, role in roles.items() if role != "out" and i not in _reporting(listening)]
     if silent and not wanted.complete:
         print_note(f"no position yet of {', '.join(silent)}")
-    return Found(roles=roles, chosen=frozenset(wanted.chosen), video=wanted.video)
+    return FleetChoice(roles=roles, chosen=frozenset(wanted.chosen), video=wanted.video)
 
 
 def _heard_text(listening: Listening) -> str:
@@ -274,7 +275,7 @@ def _heard_text(listening: Listening) -> str:
     return f"heard: {', '.join(vehicles) or 'nobody'}; {video}"
 
 
-def _ready(found: Found, listening: Listening, wanted: Wanted) -> Ready:
+def _ready(found: FleetChoice, listening: Listening, wanted: Wanted) -> Ready:
     """The flight of those who were found.
 
     Raises:
@@ -300,8 +301,8 @@ def _ready(found: Found, listening: Listening, wanted: Wanted) -> Ready:
     )
 
 
-def _video(listening: Listening, found: Found) -> tuple[str, str]:
-    """Address that video comes from, and why from there; told."""
+def _video(listening: Listening, found: FleetChoice) -> tuple[str, str]:
+    """Address that video comes from, and why from there, for the operator."""
     if found.video is not None:
         return found.video, "as given"
     if listening.offer:
@@ -322,7 +323,7 @@ def _plugged_in() -> str:
     return next((f"{device} ({plain(name)})" for device, name in cameras().items()), "/dev/video0")
 
 
-def _origins(mission: Mission, found: Found, listening: Listening) -> dict[str, str]:
+def _origins(mission: Mission, found: FleetChoice, listening: Listening) -> dict[str, str]:
     heard = {each.system_id: each for each in listening.roster.vehicles}
     origins = {
         "": f"Made by gcs fly at {datetime.now(UTC):%Y-%m-%d %H:%M}Z; docs/mission.md has every key.",

@@ -79,7 +79,7 @@ def doctor(
 
 
 def _with_links(mission: Mission, link: list[str] | None, video: str | None) -> Mission:
-    """With what the command line says in place of the mission's.
+    """Return the mission with the links of the command line in place of its own.
 
     Raises:
         GcsError: there is no link.

@@ -36,7 +36,7 @@ from gcs.cli.output.console import (
 )
 from gcs.cli.rollcall import print_rollcall, rollcall_json
 from gcs.cli.screen_options import ScreenOptions, Ui, screen_options
-from gcs.cli.sharing.telling import Show, Tell, parse_sinks, telling
+from gcs.cli.sharing.publishing import Publish, Stream, parse_sinks, publishing
 from gcs.errors import GcsError
 from gcs.flight.flight import Flight
 from gcs.flight.plan import FlightPlan
@@ -61,8 +61,9 @@ _ARG_START, _ARG_END = 47, 48
 
 LOOK_S = 0.2
 """A flight without a screen looks this often whether it is to end or to be shown."""
-LEAST_FILES = 128
+MIN_FILES = 128
 """Open files and sockets: a flight with video has some fifty, and as many for clients, terminals and replacements."""
+TAKEN_OVER = "another terminal has taken the screens over"
 
 
 def fly(
@@ -136,8 +137,8 @@ def fly(
         bool, typer.Option("--take-over", help="With --attach: from the terminal that shows them now.")
     ] = False,
     as_json: AsJson = False,
-    tell: Tell = None,
-    show: Show = None,
+    publish: Publish = None,
+    stream: Stream = None,
     practise: Annotated[
         int,
         typer.Option(
@@ -176,7 +177,7 @@ def fly(
         ask = options.theme if screen and not as_json else None
         ready = prepare(mission, wanted, asked, ending, command=command, screen=screen, ask=ask)
         links, flown = ready.links, _with_model(ready.mission, model)
-        sinks = parse_sinks(tell, show, (*links, *ready.forward))
+        sinks = parse_sinks(publish, stream, (*links, *ready.forward))
         plan = FlightPlan(
             mission=flown,
             links=links,
@@ -204,13 +205,13 @@ def fly(
         ending.callback(door.close)
         if not screen:
             print_note(_gone_on(flight, "recording" if headless else "no terminal, so no screen; recording", door))
-        with telling(flight, sinks, SinkSource(name=flight.folder.name), sessions, flight.latest_of_first):
+        with publishing(flight, sinks, SinkSource(name=flight.folder.name), sessions, flight.latest_of_first):
             if not screen or not _screen(flight, calls, options, door, asked):
                 _wait(flight, calls, door, asked, duration)
     if asked.hung_up:
         redirect_if_terminal_gone(flight.folder / CONSOLE)
     for place, frames in flight.frames.items():
-        seen[place].end(frames)
+        seen[place].set_frame_count(frames)
     if mission is None:
         _save_mission(flight)
     _report(flight, calls, as_json=as_json)
@@ -219,7 +220,7 @@ def fly(
 
 
 def _with_model(mission: Mission, model: Path | None) -> Mission:
-    """With another detector, where one is given."""
+    """Return the mission with another detector, where one is given."""
     if model is None:
         return mission
     return replace(mission, detector=replace(mission.detector, model=str(model.absolute())))
@@ -253,7 +254,7 @@ def _report(flight: Flight, calls: RollCall, *, as_json: bool) -> None:
 
 
 def _hide_passwords(videos: Sequence[str]) -> None:
-    """Passwords on the command line are taken from the list of processes, where they stood until now."""
+    """Take passwords on the command line from the list of processes, where they stood until now."""
     for video in (secret := [*filter(secrets_of, videos)]):
         hide_in_process_list(video, secrets_of(video))
     if secret:
@@ -349,14 +350,11 @@ def _check(duration: float | None, *, screen: bool) -> None:
     if screen:
         check_terminal("gcs fly --headless flies without them")
     soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
-    if 0 <= soft < LEAST_FILES:
-        wanted = LEAST_FILES if hard == resource.RLIM_INFINITY else min(LEAST_FILES, hard)
+    if 0 <= soft < MIN_FILES:
+        wanted = MIN_FILES if hard == resource.RLIM_INFINITY else min(MIN_FILES, hard)
         resource.setrlimit(resource.RLIMIT_NOFILE, (wanted, hard))
-        if wanted < LEAST_FILES:
-            raise GcsError(f"only {hard} files may be open, and a flight needs {LEAST_FILES}: see ulimit -n")
-
-
-TAKEN_OVER = "another terminal has taken the screens over"
+        if wanted < MIN_FILES:
+            raise GcsError(f"only {hard} files may be open, and a flight needs {MIN_FILES}: see ulimit -n")
 
 
 def _gone_on(flight: Flight, why: str, door: AttachServer) -> str:
@@ -367,9 +365,9 @@ def _gone_on(flight: Flight, why: str, door: AttachServer) -> str:
 def _wait(
     flight: Flight, calls: RollCall, door: AttachServer, asked: AskedBySignals, duration: float | None = None
 ) -> None:
-    """Until the time is over or a signal to end comes; shows the screens on terminals that are attached meanwhile.
+    """Wait until the time is over or a signal to end comes; show the screens on terminals that are attached meanwhile.
 
-    A flight outlives the terminal that it was begun on.
+    A flight outlives the terminal that it was started on.
     """
     end_s = math.inf if duration is None else time.monotonic() + duration
     while not asked.to_end and time.monotonic() < end_s:

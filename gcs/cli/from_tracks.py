@@ -1,4 +1,4 @@
-"""``gcs sim from-tracks``: an annotated film of others as a session."""
+"""``gcs sim from-tracks``: an annotated film from a public data set as a session."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ from gcs.cli.output.console import AsJson, check_range, print_json, print_note
 from gcs.cli.output.progress import progress
 from gcs.cli.output.tables import print_table
 
-MOST_NUMBER = 2**63 - 1
+MAX_NUMBER = 2**63 - 1
 """Largest number of frames, vehicles and seeds."""
-MOST_TEAM = 200
+MAX_TEAM = 200
 """Vehicles that the simulator has report."""
 
 
@@ -30,7 +30,7 @@ def from_tracks(
     first_frame: Annotated[
         int | None,
         typer.Option(
-            help="Number of the first image in the labels; else 0 for csv, 1 for others.", min=0, max=MOST_NUMBER
+            help="Number of the first image in the labels; else 0 for csv, 1 for others.", min=0, max=MAX_NUMBER
         ),
     ] = None,
     fps: Annotated[
@@ -59,19 +59,17 @@ def from_tracks(
     ] = None,
     static: Annotated[bool, typer.Option("--static", help="Assume that the camera does not move.")] = False,
     team: Annotated[
-        int, typer.Option(help="How many are ours: the longest seen, moving ones first.", min=1, max=MOST_TEAM)
+        int, typer.Option(help="How many are ours: the longest seen, moving ones first.", min=1, max=MAX_TEAM)
     ] = 6,
     vehicle: Annotated[
         list[int] | None,
-        typer.Option(
-            help="Number of one of ours in the labels, instead of --team; repeatable.", min=0, max=MOST_NUMBER
-        ),
+        typer.Option(help="Number of one of ours in the labels, instead of --team; repeatable.", min=0, max=MAX_NUMBER),
     ] = None,
     errors: Annotated[Literal["standard", "hard"], typer.Option(help="Errors of the reported positions.")] = "standard",
     boxes: Annotated[
         Literal["film", "labels"], typer.Option(help="What is named: what is detected in the film, or the labels.")
     ] = "film",
-    seed: Annotated[int, typer.Option(help="Seed of the random errors.", min=0, max=MOST_NUMBER)] = 1,
+    seed: Annotated[int, typer.Option(help="Seed of the random errors.", min=0, max=MAX_NUMBER)] = 1,
     as_json: AsJson = False,
 ) -> None:
     """Put telemetry under an annotated film, and write it as a session with truth.

@@ -250,7 +250,7 @@ def _fingerprints(ring: KeyRing) -> Sequence[tuple[int, str]]:
 
 
 def _shared(ring: KeyRing) -> list[list[int]]:
-    """Those who have one key together."""
+    """Return the systems that have one key together."""
     by_key: dict[str, list[int]] = {}
     for system_id, fingerprint in _fingerprints(ring):
         by_key.setdefault(fingerprint, []).append(system_id)

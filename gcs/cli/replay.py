@@ -23,7 +23,7 @@ from gcs.cli.output.console import (
     redirect_stderr,
 )
 from gcs.cli.screen_options import ScreenOptions, Ui, screen_options
-from gcs.cli.sharing.telling import Show, Tell, parse_sinks, telling
+from gcs.cli.sharing.publishing import Publish, Stream, parse_sinks, publishing
 from gcs.errors import GcsError
 from gcs.live_out.sink import SinkSource
 from gcs.live_out.sink_url import SinkUrl
@@ -40,8 +40,8 @@ def replay(
     frame_size: Annotated[str | None, typer.Option(help=FRAME_SIZE)] = None,
     detect: Annotated[bool, typer.Option("--detect", help="Detect vehicles anew, whatever was recorded.")] = False,
     ui: Ui = None,
-    tell: Tell = None,
-    show: Show = None,
+    publish: Publish = None,
+    stream: Stream = None,
     serve: Annotated[
         bool,
         typer.Option("--serve", help="Show the screens in browsers on this computer, at a secret address."),
@@ -51,7 +51,7 @@ def replay(
     ] = 0,
 ) -> None:
     """Play, seek and step through a recording."""
-    sinks, options = parse_sinks(tell, show), screen_options(ui)
+    sinks, options = parse_sinks(publish, stream), screen_options(ui)
     if serve and sinks:
         raise GcsError("--serve starts a replay for each browser; give --publish and --stream to one on a terminal")
     if serve and in_flight(session):
@@ -125,7 +125,7 @@ def show_replay(
     station = Replay(session, redetect=detect)
     try:
         source = SinkSource(name=session.name, replayed=True)
-        with redirect_stderr(None), telling(station, sinks, source, Path()):
+        with redirect_stderr(None), publishing(station, sinks, source, Path()):
             return run(station, options.graphics, bell=options.bell, theme=options.theme, fps=options.fps).code
     finally:
         station.stop()

@@ -23,7 +23,7 @@ def print_rollcall(calls: RollCall) -> None:
     )
     print_lines(calls.reports)
     for view in calls.other_views:
-        print_lines(f"seen from {view.films}:")
+        print_lines(f"seen from {view.uav_name}:")
         print_rollcall(view)
 
 

@@ -13,11 +13,11 @@ import typer
 from gcs.errors import ConfigError
 from gcs.mission.mission import config_folder
 from infra.files.safe_open import read_small
-from infra.toml_tables import MOST_TOML_BYTES, build, parse_toml
+from infra.toml_tables import MAX_TOML_BYTES, build, parse_toml
 
 Graphics = Literal["auto", "pixels", "blocks", "sextants", "octants"]
 ThemeName = Literal["dark", "light", "high-contrast"]
-MOST_FPS = 12.0
+MAX_FPS = 12.0
 """Highest frame rate, as the screens have it, which are not loaded for it."""
 Ui = Annotated[
     list[str] | None,
@@ -40,7 +40,7 @@ class ScreenOptions:
     """The way the terminal shows video; auto: the finest that it is known to show."""
     theme: ThemeName = "dark"
     """Colours to begin with."""
-    fps: Annotated[float, msgspec.Meta(ge=0.1, le=MOST_FPS)] = MOST_FPS
+    fps: Annotated[float, msgspec.Meta(ge=0.1, le=MAX_FPS)] = MAX_FPS
     """Highest frame rate of video and map, 1/s."""
     bell: bool = False
     """True to ring the terminal's bell at every new alarm."""
@@ -57,9 +57,6 @@ class UserConfig:
 def screen_options(given: Sequence[str] | None) -> ScreenOptions:
     """Options of the screens by the user's file, if there is one, and the command line.
 
-    Args:
-        given: ``KEY=VALUE``, which count more.
-
     Raises:
         ConfigError: the file cannot be read, or either has a key or a value that there is none of.
     """
@@ -74,7 +71,7 @@ def screen_options(given: Sequence[str] | None) -> ScreenOptions:
 def _of_user() -> ScreenOptions:
     try:
         path = config_folder() / "config.toml"
-        data = read_small(path, MOST_TOML_BYTES)
+        data = read_small(path, MAX_TOML_BYTES)
     except (FileNotFoundError, RuntimeError):  # a user without a home
         return ScreenOptions()
     return build(UserConfig, parse_toml(data, str(path)), str(path)).ui

@@ -18,7 +18,7 @@ from sim.live import play
 from sim.practice import TROUBLES
 from sim.session import write_session
 from sim.world.presets import PRESETS, preset
-from sim.world.scenario import MOST_VIEWS, UAV_ID, Scenario
+from sim.world.scenario import MAX_VIEWS, UAV_ID, Scenario
 from sim.world.scenario_file import load_scenario
 
 
@@ -55,14 +55,14 @@ def sim(
     views: Annotated[
         int | None,
         typer.Option(
-            callback=check_range(1, MOST_VIEWS),
+            callback=check_range(1, MAX_VIEWS),
             help="Number of cameras, each from another side, instead of the scenario's.",
         ),
     ] = None,
     masts: Annotated[
         int,
         typer.Option(
-            callback=check_range(0, MOST_VIEWS - 1),
+            callback=check_range(0, MAX_VIEWS - 1),
             metavar="NUMBER",
             help="Number of --views, the last, that are on masts.",
         ),

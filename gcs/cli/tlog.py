@@ -22,12 +22,18 @@ from mavlink.tlog.log import Tlog
 from mavlink.tlog.summary import TlogInfo
 from mavlink.tlog.summary import info as summarise
 
-_MOST_STEPS = 5
-_SPEED = (0.8, 1.25)  # outside, the stamps are not the time of a flight
+_MAX_STEPS = 5
+_SPEED = (0.8, 1.25)
+"""Speed of a clock outside which its stamps are not the time of a flight."""
+MAX_DAMAGE = 20
+"""Maximum number of damaged places that are listed; a badly damaged log has thousands."""
+_CHECK_SECONDS = check_range(-FAR_S, FAR_S)
+DAMAGED = 5
+"""Exit code of a log that is not whole."""
 
 
 def check_lines(path: Path, found: TlogCheck, most: int) -> list[str]:
-    """The report; at most so many damaged places one by one."""
+    """The report; at most this many damaged places one by one."""
     verdict = "whole" if found.whole else "damaged"
     lines = [f"{path}: {verdict}, {found.records} whole messages in {found.size_bytes} bytes"]
     lines.append(
@@ -91,9 +97,9 @@ def _clock_lines(found: TlogCheck) -> list[str]:
     ]
     shown = max(found.clocks, key=lambda clock: len(clock.steps), default=None)
     steps = shown.steps if shown else ()
-    lines += [f"the recording clock was set by {s.by_s:+.1f} s at byte {s.offset}" for s in steps[:_MOST_STEPS]]
-    if len(steps) > _MOST_STEPS:
-        lines.append(f"and {len(steps) - _MOST_STEPS} times more")
+    lines += [f"the recording clock was set by {s.by_s:+.1f} s at byte {s.offset}" for s in steps[:_MAX_STEPS]]
+    if len(steps) > _MAX_STEPS:
+        lines.append(f"and {len(steps) - _MAX_STEPS} times more")
     return lines
 
 
@@ -110,7 +116,7 @@ def _ranges(found: TlogCheck, most: int) -> list[str]:
 
 
 def check_json(path: Path, found: TlogCheck) -> dict[str, Any]:
-    """All of it, all damage listed."""
+    """All that was found, with all damage listed."""
     verdict = {"path": str(path), "whole": found.whole, "several_writers": found.several_writers}
     clocks = [asdict(clock) | {"speed": clock.speed} for clock in found.clocks]
     return verdict | asdict(found) | {"speed": found.speed, "clocks": clocks}
@@ -141,11 +147,6 @@ app = typer.Typer(
     add_completion=False,
     rich_markup_mode=None,
 )
-# Damaged places listed one by one; a badly damaged log has thousands.
-MOST_DAMAGE = 20
-_OF_A_LOG = check_range(-FAR_S, FAR_S)
-DAMAGED = 5
-"""Exit code of a log that is not whole."""
 
 
 @app.command("info")
@@ -187,9 +188,9 @@ def _damage_lines(found: TlogInfo) -> list[str]:
         f"unknown messages {counts.unknown}, bad times {counts.bad_times}, times that go back {counts.backward_steps}, "
         f"damaged bytes {counts.damaged_bytes} in {len(found.damage)} places"
     ]
-    lines += [f"  bytes {d.start}..{d.stop}: {d.reason}" for d in found.damage[:MOST_DAMAGE]]
-    if len(found.damage) > MOST_DAMAGE:
-        lines.append(f"  and {len(found.damage) - MOST_DAMAGE} more")
+    lines += [f"  bytes {d.start}..{d.stop}: {d.reason}" for d in found.damage[:MAX_DAMAGE]]
+    if len(found.damage) > MAX_DAMAGE:
+        lines.append(f"  and {len(found.damage) - MAX_DAMAGE} more")
     return lines
 
 
@@ -197,7 +198,7 @@ def _damage_lines(found: TlogInfo) -> list[str]:
 def check(
     logs: Annotated[list[Path], typer.Argument(help="Telemetry logs, such as the segments of one flight.")],
     as_json: AsJson = False,
-    most: Annotated[int, typer.Option("--most", min=0, max=10**9, help="Damaged places listed.")] = MOST_DAMAGE,
+    most: Annotated[int, typer.Option("--most", min=0, max=10**9, help="Damaged places listed.")] = MAX_DAMAGE,
 ) -> None:
     """Check that logs are whole, and describe them. Exit code 0: all whole; 5: any damaged."""
     whole = True
@@ -230,10 +231,10 @@ def cut(
     log: Annotated[Path, typer.Argument(help="Telemetry log.")],
     out: Annotated[Path, typer.Argument(help="New log; must not exist.")],
     start: Annotated[
-        float | None, typer.Option("--from", callback=_OF_A_LOG, help="Seconds from the log's first message.")
+        float | None, typer.Option("--from", callback=_CHECK_SECONDS, help="Seconds from the log's first message.")
     ] = None,
     stop: Annotated[
-        float | None, typer.Option("--to", callback=_OF_A_LOG, help="Seconds from the log's first message.")
+        float | None, typer.Option("--to", callback=_CHECK_SECONDS, help="Seconds from the log's first message.")
     ] = None,
     message: Annotated[
         list[int] | None, typer.Option(min=0, max=2**24 - 1, help="Keep this message id; may be repeated.")

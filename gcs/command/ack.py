@@ -23,7 +23,7 @@ class CommandAck:
     texts: tuple[str, ...] = ()
     """STATUSTEXT while it was carried out: text from the air, never markup."""
     reason: str = "no answer"
-    """Why there is no result."""
+    """Reason why there is no result."""
 
     @property
     def accepted(self) -> bool:

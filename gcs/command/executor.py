@@ -25,12 +25,17 @@ from mavlink.geodesy import LocalFrame
 from mavlink.state import Level
 
 Path = Callable[[GeoPoint, bool], Command | None]
-"""Given the newest place and whether this is the first command: the command, None when there is nothing to send."""
+"""Function from the newest position, and whether this is the first command, to the command; None when there is nothing
+to send."""
 Verdict = Literal["not yet", "done", "not moved", "unknown"]
 THERE_RAD = math.radians(15.0)
 """Angle to its goal below which the camera has it in view: most see 30° to either side, and gimbals lag behind."""
 PROGRESS_RAD = math.radians(2.0)
-"""A gimbal that turns at all turns so far within the patience."""
+"""Angle by which a gimbal that turns at all turns within the patience."""
+Report = Callable[[Level, str], None]
+_SEE_PERIOD_S = 0.1
+"""Seconds between checks that the camera turns."""
+_NO_HEIGHT = "not sent: its own height is not known"
 
 
 @dataclass(slots=True)
@@ -42,7 +47,7 @@ class PointingMonitor:
     """
 
     patience_s: float
-    """Without progress for so long it does not move."""
+    """Time without progress after which a gimbal counts as standing still, s."""
     since_s: float
     """Time of the order, then of the last progress."""
     off_rad: float = math.nan
@@ -67,12 +72,12 @@ class PointingMonitor:
 
 
 def above(alt_m: float) -> Path:
-    """Over the vehicle, at a height above sea level."""
+    """Return the position over the vehicle at a height above sea level."""
     return lambda place, first: mav_cmd.reposition(place, alt_m, change_mode=first)
 
 
 def circles(around: GeoPoint, alt_m: float, *, radius_m: float, speed_mps: float, moved_m: float) -> Path:
-    """The orbit anew whenever its middle has moved on; the first was ordered already."""
+    """The orbit again whenever its middle has moved on; the first was ordered already."""
     middle = around
 
     def circle(place: GeoPoint, first: bool) -> Command | None:
@@ -114,7 +119,7 @@ class CommandSender(Protocol):
     """A way to bring a command to the UAV."""
 
     async def send(self, command: Command) -> CommandAck:
-        """Its answer."""
+        """Send a command and return the vehicle's answer."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -126,22 +131,20 @@ class CommandParams:
     fly_s: float = 1.0
     """Seconds between two goals for the UAV."""
     lost_s: float = 10.0
-    """Without a position for so long a stream ends."""
+    """Time without a position after which a stream of commands ends, s."""
     radius_m: float = 20.0
     """Radius of a circle around a vehicle."""
     speed_mps: float = 3.0
-    """Along that circle."""
+    """Speed along the circle, m/s."""
     moved_m: float = 5.0
-    """A vehicle that has gone so far is circled around anew."""
+    """Way of a vehicle after which it is circled around again."""
     settle_s: float = 2.0
-    """For the flight mode to be the one that an order asked for."""
+    """Time for the flight mode to become the one that an order asked for, s."""
     see_s: float = 5.0
-    """For a gimbal to report that it turns where it was ordered to: its reports may have to be asked for first."""
+    """Time for a gimbal to report that it turns where it was ordered to, s: its reports may have to be asked for
+    first."""
     text_s: float = 0.3
-    """After a refusal, for the reason to come as text."""
-
-
-Report = Callable[[Level, str], None]
+    """Time after a refusal for the reason to come as text, s."""
 
 
 class CommandExecutor:
@@ -177,7 +180,7 @@ class CommandExecutor:
         }
 
     async def carry_out(self, key: str, ugv: int, report: Report) -> None:
-        """Carries an order out.
+        """Carry an order out.
 
         Args:
             key: of the order.
@@ -363,7 +366,7 @@ class CommandExecutor:
                 return not instead
 
     def _mode_watch(self) -> Callable[[], str]:
-        """Ends when another sender changes the flight mode."""
+        """End when another sender changes the flight mode."""
         since_s, mode = time.monotonic(), ""
 
         def watch() -> str:
@@ -376,7 +379,7 @@ class CommandExecutor:
         return watch
 
     def _camera_watch(self, ugv: int, report: Report) -> Callable[[], str]:
-        """Ends when the camera is seen not to turn at all; reports whether it follows, or that this is not known."""
+        """End when the camera is seen not to turn at all; report whether it follows, or that this is not known."""
         monitor: PointingMonitor | None = None
         reported: Verdict = "not yet"
         done = False
@@ -416,9 +419,3 @@ def _seen(verdict: Verdict, monitor: PointingMonitor) -> tuple[Level, str]:
     if verdict == "unknown":
         return "warning", f"accepted, but {_words(monitor)}"
     return "warning", f"the camera does not follow: {_off(monitor)}"
-
-
-_SEE_PERIOD_S = 0.1
-"""Seconds between checks that the camera turns."""
-
-_NO_HEIGHT = "not sent: its own height is not known"

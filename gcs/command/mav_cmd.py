@@ -44,7 +44,7 @@ class Command:
     number: int
     """MAV_CMD."""
     params: tuple[float, ...] = ()
-    """From the first; those left out are 0."""
+    """Parameters from the first on; those left out are 0."""
     place: GeoPoint | None = None
     alt_m: float = NAN
     component: int = AUTOPILOT
@@ -79,44 +79,44 @@ class Command:
 
 
 def point_at_system(system_id: int) -> Command:
-    """The autopilot points its gimbal at another vehicle, by the positions that it receives itself."""
+    """Let the autopilot point its gimbal at another vehicle, by the positions that it receives itself."""
     return Command(number=_ROI_SYSTEM, params=(system_id,))
 
 
 def point_at_place(place: GeoPoint, ground_m: float) -> Command:
-    """The gimbal points at a place on the ground."""
+    """Point the gimbal at a place on the ground."""
     return Command(number=_ROI_LOCATION, place=place, alt_m=ground_m)
 
 
 def point_nowhere() -> Command:
-    """The gimbal goes back to what it did."""
+    """Let the gimbal go back to what it did."""
     return Command(number=_ROI_NONE)
 
 
 def gimbal_angles(pitch_rad: float, yaw_rad: float, component: int = AUTOPILOT) -> Command:
-    """Gimbal protocol 2: the gimbal looks in a direction."""
+    """Let the gimbal look in a direction, by gimbal protocol 2."""
     angles = (math.degrees(pitch_rad), math.degrees(yaw_rad))
     return Command(number=_PITCHYAW, params=(*angles, NAN, NAN, _FLAGS_FROM_NORTH), component=component)
 
 
 def mount_angles(pitch_rad: float, yaw_rad: float) -> Command:
-    """The older way to look in a direction; yaw counts from the nose."""
+    """Let the gimbal look in a direction, by the older MAV_CMD_DO_MOUNT_CONTROL; yaw counts from the nose."""
     angles = (math.degrees(pitch_rad), 0.0, math.degrees(yaw_rad))
     return Command(number=_MOUNT_CONTROL, params=(*angles, 0, 0, 0, _MOUNT_TARGETING))
 
 
 def gimbal_neutral(component: int = AUTOPILOT) -> Command:
-    """Gimbal protocol 2: neutral position."""
+    """Return the gimbal to its neutral position, by gimbal protocol 2."""
     return Command(number=_PITCHYAW, params=(NAN, NAN, NAN, NAN, _FLAG_NEUTRAL), component=component)
 
 
 def mount_neutral() -> Command:
-    """The older way to the neutral position."""
+    """Turn the mount to its neutral position, the older way."""
     return Command(number=_MOUNT_CONTROL, params=(0, 0, 0, 0, 0, 0, _MOUNT_NEUTRAL))
 
 
 def gimbal_control(system_id: int, component_id: int, *, take: bool, component: int = AUTOPILOT) -> Command:
-    """Takes or gives up primary control of the gimbal for a station."""
+    """Take or give up primary control of the gimbal for a station."""
     who = (system_id, component_id) if take else (_GIVE_UP, _GIVE_UP)
     other = (_UNCHANGED, _UNCHANGED) if take else (_GIVE_UP, _GIVE_UP)
     return Command(number=_CONFIGURE, params=(*who, *other), component=component)
@@ -158,7 +158,7 @@ def orbit(place: GeoPoint, alt_m: float, radius_m: float, speed_mps: float) -> C
 
 
 def photo(number: int, component: int = AUTOPILOT) -> Command:
-    """One photo.
+    """Take one photo.
 
     Args:
         number: counts up from 1, so that a repeated command takes no second photo.
@@ -167,10 +167,10 @@ def photo(number: int, component: int = AUTOPILOT) -> Command:
 
 
 def record_start(component: int = AUTOPILOT) -> Command:
-    """The camera records on board."""
+    """Start the camera's recording on board."""
     return Command(number=_RECORD, component=component)
 
 
 def record_stop(component: int = AUTOPILOT) -> Command:
-    """The camera stops recording."""
+    """Stop the camera's recording."""
     return Command(number=_RECORD_STOP, component=component)

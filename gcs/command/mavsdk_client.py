@@ -1,7 +1,7 @@
 """MAVSDK, in one file: it receives only the UAV's packets, and what it sends goes through our own transmitter.
 
-Its `raw://` connection leaves sockets, recording and signing to us. By itself it beats and asks every system it
-receives for messages, so it is given the UAV's packets alone, and its heartbeats are dropped: ours comes from the
+Its `raw://` connection leaves sockets, recording and signing to us. By itself it sends heartbeats and asks every system
+it receives for messages, so it is given the UAV's packets alone, and its heartbeats are dropped: ours comes from the
 station's loop.
 """
 
@@ -57,7 +57,7 @@ class MavsdkClient:
                 self._mavsdk.pass_received_raw_bytes(packet.raw)
 
     async def send(self, command: Command) -> CommandAck:
-        """Sends a command, again while nothing comes, and waits for its end."""
+        """Send a command, again while nothing comes, and wait for its end."""
         from mavsdk.asyncio.plugins.mavlink_direct import MavlinkDirectError, MavlinkMessage
 
         direct = self._direct_to_uav()
@@ -72,7 +72,7 @@ class MavsdkClient:
         return CommandAck(result=int(json.loads(ack.fields_json)["result"]))
 
     async def connected(self, timeout_s: float) -> bool:
-        """Waits until MAVSDK knows the UAV."""
+        """Wait until MAVSDK knows the UAV."""
         for _ in range(max(1, round(timeout_s / 0.05))):
             if self._direct_to_uav() is not None:
                 return True
@@ -80,7 +80,7 @@ class MavsdkClient:
         return False
 
     def close(self) -> None:
-        """Ends it; no command may be under way. Packets may still come, and go nowhere."""
+        """Stop MAVSDK; no command may be under way. Packets may still come, and go nowhere."""
         with self._lock:
             self._open = False
         if self._direct is not None:

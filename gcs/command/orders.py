@@ -13,14 +13,14 @@ class Order:
 
     key: str
     words: str
-    """With ``{uav}`` and, when it is about a ground vehicle, ``{ugv}``."""
+    """Name of the order, with ``{uav}`` and, when it is about a ground vehicle, ``{ugv}``."""
     about: Literal["ugv", "uav"]
     """Target that it needs: a ground vehicle, or the UAV alone."""
     job: Literal["camera", "flight", ""] = ""
     """Job that it takes over from an order before; empty: from none."""
 
     def words_with(self, uav: str, ugv: str) -> str:
-        """In words, with names."""
+        """Return the order in words, with names."""
         return self.words.replace("{uav}", uav).replace("{ugv}", ugv)
 
 

@@ -79,7 +79,7 @@ class CommandService:
         self._thread.start()
 
     def receive(self, packet: Packet) -> None:
-        """Handles a received packet of any sender; rejected ones are left out."""
+        """Handle a received packet of any sender; rejected ones are left out."""
         self._transmitter.note_packet(packet)
         if packet.auth > Auth.GOOD:
             return
@@ -90,7 +90,7 @@ class CommandService:
         self._mavsdk.receive(packet)
 
     def poll(self) -> None:
-        """Sends what is due; called a few times a second by the loop that the heartbeat shows to be alive."""
+        """Send what is due; called a few times a second by the loop that the heartbeat shows to be alive."""
         now_s = time.monotonic()
         for raw in (self._heartbeat.poll(now_s), self._timesync.poll(now_s, time.time_ns())):
             if raw is not None:
@@ -102,7 +102,7 @@ class CommandService:
             self._report_changes(now_s)
 
     def _report_changes(self, now_s: float) -> None:
-        """Reports rates that are too low, and who controls the gimbal."""
+        """Report rates that are too low, and who controls the gimbal."""
         for rate in self.rates.troubles(now_s):
             self._note("warning", "link", rate.words, rate.system_id)
         holder = self._uav.gimbal_holder
@@ -113,7 +113,7 @@ class CommandService:
             self._note("info", "camera", text, self._uav_id)
 
     def set_ground(self, ground: Mapping[int, str]) -> None:
-        """Orders may be about these ground vehicles from now on: system ids by name."""
+        """Take orders about these ground vehicles from now on: system ids by name."""
         self._ground = dict(ground)
         self.rates.set_ground(self._ground)
 
@@ -123,7 +123,7 @@ class CommandService:
         return [(order.key, self._words_of(order, system_id)) for order in orders_about(ugv=about)]
 
     def submit(self, key: str, system_id: int) -> None:
-        """Carries an order out; returns at once, what becomes of it comes as events.
+        """Carry an order out; returns at once, what becomes of it comes as events.
 
         Args:
             key: of the order.
@@ -141,7 +141,7 @@ class CommandService:
         self._loop.call_soon_threadsafe(self._begin, order, system_id)
 
     def close(self) -> None:
-        """Ends what runs and takes MAVSDK down; closing twice does nothing."""
+        """End what runs and take MAVSDK down; closing twice does nothing."""
         if self._thread.is_alive():
             self._loop.call_soon_threadsafe(self._loop.stop)
             self._thread.join(_STOP_S)

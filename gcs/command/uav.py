@@ -29,7 +29,7 @@ _IN_PROGRESS = 5
 _CAMERA_TYPE = 30
 _FRESH_S = 3.0
 _AXIS_S = 1.0
-"""A gimbal that was silent for so long may look elsewhere."""
+"""A gimbal that was silent for this long may look elsewhere."""
 _TEXTS = 40
 
 
@@ -51,7 +51,7 @@ class Uav:
         self._gimbals = Gimbals(gimbal)
         self._axis: tuple[float, tuple[float, float, float]] | None = None
         self.camera_component = 1
-        """Component of the first camera that beats, the autopilot's without one."""
+        """Component of the first camera that sends heartbeats, the autopilot's without one."""
         self.gimbal_component = 1
         """Component of the newest gimbal manager that sent, the autopilot's without one."""
         self.gimbal_holder: tuple[int, int] | None = None

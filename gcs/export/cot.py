@@ -9,29 +9,28 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterator
-from datetime import UTC, datetime, timedelta
 from typing import Final
 from xml.etree import ElementTree
 
+from gcs.export.maps.ways import time_utc
 from gcs.missing import may_be
 from gcs.snapshot import Box, Snapshot
 from infra.plain_text import plain
 from infra.reporting import Throttle
 
 XML_DECLARATION: Final = b'<?xml version="1.0" encoding="UTF-8"?>\n'
-"""Before an event that is sent by itself, and before a file of them."""
+"""XML declaration before an event that is sent alone, and before a file of events."""
 PERIOD_US: Final = 1_000_000
 """Least time between two events of one vehicle."""
 STALE_US: Final = 10_000_000
-"""An event holds for so long: ten that follow it may be lost before a map shows the vehicle as gone."""
+"""An event holds for this long: ten that follow it may be lost before a map shows the vehicle as gone."""
 FRIEND, UNKNOWN = "a-f-G-E-V", "a-u-G-E-V"
 """Atom, friend or unknown, on the ground, equipment, vehicle."""
 FUSED, BY_MACHINE = "m-f", "m-i"
 """Source of a place: telemetry and film together, or by the film alone."""
 _NOT_KNOWN: Final = "9999999.0"
-_MOST_LETTERS: Final = 64
+_MAX_LETTERS: Final = 64
 """Maximum letters of a name: an event is to fit into a datagram whatever a mission calls its vehicles."""
-_EPOCH: Final = datetime(1970, 1, 1, tzinfo=UTC)
 
 
 class CotPacer:
@@ -58,7 +57,7 @@ def cot_uid(box: Box, source: str) -> str:
     Args:
         source: the session's name: two stations on one network tell of different things.
     """
-    station = re.sub(r"[^A-Za-z0-9_.-]", "-", source)[:_MOST_LETTERS]
+    station = re.sub(r"[^A-Za-z0-9_.-]", "-", source)[:_MAX_LETTERS]
     what = f"vehicle.{box.system_id}" if box.system_id else f"track.{box.known_as}"
     return f"rollcall.{station}.{what}"
 
@@ -82,9 +81,9 @@ def cot_event(snapshot: Snapshot, box: Box, *, source: str, t_us: int | None = N
         uid=cot_uid(box, source),
         type=FRIEND if box.system_id else UNKNOWN,
         how=FUSED if box.system_id else BY_MACHINE,
-        time=_time(moment),
-        start=_time(moment),
-        stale=_time(moment + STALE_US),
+        time=time_utc(moment),
+        start=time_utc(moment),
+        stale=time_utc(moment + STALE_US),
     )
     if opex:
         event.set("opex", opex)
@@ -99,7 +98,7 @@ def cot_event(snapshot: Snapshot, box: Box, *, source: str, t_us: int | None = N
     )
     detail = ElementTree.SubElement(event, "detail")
     name = plain(snapshot.name_of(box.system_id)) if box.system_id else f"unknown {box.known_as}"
-    ElementTree.SubElement(detail, "contact", callsign=name[:_MOST_LETTERS])
+    ElementTree.SubElement(detail, "contact", callsign=name[:_MAX_LETTERS])
     ElementTree.SubElement(detail, "__rollcall", _evidence(snapshot, box))
     data: bytes = ElementTree.tostring(event, encoding="utf-8", xml_declaration=False)
     return data
@@ -107,13 +106,13 @@ def cot_event(snapshot: Snapshot, box: Box, *, source: str, t_us: int | None = N
 
 def _evidence(snapshot: Snapshot, box: Box) -> dict[str, str]:
     """Evidence that a name rests on; what is unknown is left out."""
-    told = {"frame": str(snapshot.frame), "track": str(box.track_id)}
+    values = {"frame": str(snapshot.frame), "track": str(box.track_id)}
     if not box.system_id:
-        told |= {"may_be": words} if (words := plain(may_be(snapshot, box))) else {}
-        return told | _numbers({"none_of_ours": box.none_of_ours})
-    told |= {"system_id": str(box.system_id)} | ({"stated": "true"} if box.stated else {})
-    told |= {"doubt": box.doubt} if box.doubt else {}
-    return told | _numbers(
+        values |= {"may_be": words} if (words := plain(may_be(snapshot, box))) else {}
+        return values | _numbers({"none_of_ours": box.none_of_ours})
+    values |= {"system_id": str(box.system_id)} | ({"stated": "true"} if box.stated else {})
+    values |= {"doubt": box.doubt} if box.doubt else {}
+    return values | _numbers(
         {
             "confidence": box.confidence,
             "margin": box.margin,
@@ -127,8 +126,3 @@ def _evidence(snapshot: Snapshot, box: Box) -> dict[str, str]:
 
 def _numbers(values: dict[str, float]) -> dict[str, str]:
     return {key: f"{value:.3f}" for key, value in values.items() if math.isfinite(value)}
-
-
-def _time(t_us: int) -> str:
-    moment = _EPOCH + timedelta(milliseconds=t_us // 1000)
-    return moment.strftime("%Y-%m-%dT%H:%M:%S.") + f"{moment.microsecond // 1000:03d}Z"

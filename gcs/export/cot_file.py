@@ -13,7 +13,7 @@ from gcs.snapshot import Snapshot
 
 
 class CotExport:
-    """Events have the times of the flight."""
+    """Export of Cursor-on-Target events, with the times of the flight."""
 
     def __init__(self, job: ExportJob) -> None:
         self._source = job.name

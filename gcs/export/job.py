@@ -30,9 +30,9 @@ class ExportJob:
     name: str = ""
     """Name of the recording; plain text."""
     video: Path | None = None
-    """Its film; None without one."""
+    """Video of the recording; None without one."""
     truth: Path | None = None
-    """Its ``truth.csv``; None unknown."""
+    """File ``truth.csv`` of the recording; None unknown."""
     times_us: NDArray[np.int64] = field(default_factory=_no_times)
     """(n,) when each of its frames was taken, Unix µs."""
     min_confidence: float = 0.0

@@ -34,10 +34,11 @@ from vision.detect.boxes import hull
 BENCHMARK: Final = "rollcall-all"
 """Benchmark and split, as TrackEval has it."""
 TRACKERS: Final = ("names", "tracks")
+_BOX: Final = ("cx", "cy", "w", "h", "angle")
 
 
 class MotExport:
-    """Only boxes that were seen; a coasting one is a guess."""
+    """Export to MOT Challenge's format, of boxes that were seen; a coasting one is a guess."""
 
     def __init__(self, job: ExportJob) -> None:
         self._name = re.sub(r"[^A-Za-z0-9_.-]+", "-", job.name).strip(".-")[:64] or "flight"
@@ -122,9 +123,6 @@ def _truth_rows(truth: Table, frames: list[int]) -> str:
                 seen.add(number)
                 rows.append(f"{count},{number},{_upright([truth[key][row] for key in _BOX])},1,1,1\n")
     return "".join(rows)
-
-
-_BOX: Final = ("cx", "cy", "w", "h", "angle")
 
 
 def _upright(box: object) -> str:

@@ -17,7 +17,7 @@ TIME_BASE = Fraction(1, 90_000)
 
 
 class Mp4Export:
-    """Frames keep their time stamps, so the film runs in step with the log."""
+    """Export to MP4; frames keep their time stamps, so that the film runs in step with the log."""
 
     def __init__(self, job: ExportJob) -> None:
         self._unfinished = Unfinished(job.path)

@@ -57,7 +57,7 @@ class Unfinished:
         """Path to make and fill."""
 
     def finish(self) -> None:
-        """Put it into its place.
+        """Put the finished file into its place.
 
         Raises:
             SessionError: something came to be there meanwhile, or it cannot be put there.

@@ -16,7 +16,7 @@ from mavlink.transmit.message_rates import uav_rates
 from mavlink.transmit.transmitter import Transmitter
 
 FRESH_US = 2_000_000
-"""A snapshot older than this, or one of telemetry that old, is not of now."""
+"""Age of a snapshot or of its telemetry up to which it is current."""
 
 
 def open_command_service(

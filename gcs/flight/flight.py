@@ -139,7 +139,7 @@ class Flight:
             on_event=self.add_event,
         )
         if listening:
-            self._ingest.know(mission.system_ids, mission.uav.system_id)
+            self._ingest.set_fleet(mission.system_ids, mission.uav.system_id)
             # twice: folding in a minute takes seconds, after which the flight is not to begin late
             for _ in range(2):
                 self._views.add_packets(listening.hand_over(), self._ingest.heard_us, at_once=True)
@@ -218,7 +218,7 @@ class Flight:
         return self._views.events()
 
     def add_event(self, event: Event) -> None:
-        """Something that the operator is to know, for screen and event log."""
+        """Add an event that the operator is to know, for screen and event log."""
         self._first.loop.add_event(event)
 
     def mark(self, t_us: int, text: str, system_id: int = 0) -> None:
@@ -226,7 +226,7 @@ class Flight:
         self.add_event(Event(t_us=t_us, level="info", kind="mark", text=text, system_id=system_id))
 
     def acknowledge(self, alarms: Sequence[Alarm]) -> None:
-        """The operator has seen these: an event each."""
+        """Log which alarms the operator has seen, an event each."""
         t_us = now_us()
         for view, alarm in itertools.product(self._views.all.values(), alarms):
             if (own := view.own(alarm)) is None:
@@ -243,11 +243,11 @@ class Flight:
             )
 
     def state_name(self, track_id: int, system_id: int) -> None:
-        """The operator states which vehicle a box is."""
+        """Take the operator's statement which vehicle a box is."""
         self._views.shown.pipeline.state_name(Statement(track_id=track_id, system_id=system_id))
 
     def undo_statement(self, track_id: int = 0) -> None:
-        """The operator withdraws a statement."""
+        """Withdraw a statement of the operator."""
         self._views.shown.pipeline.state_name(Statement(track_id=track_id, system_id=0, undone=True))
 
     def rates(self) -> Sequence[Rate]:
@@ -260,7 +260,7 @@ class Flight:
         return self._newcomers.heard
 
     def change_fleet(self, change: FleetChange) -> None:
-        """The operator takes a vehicle into the fleet, leaves it out or renames it."""
+        """Take a vehicle into the fleet, leave it out or rename it, as the operator wants."""
         after = changed(self._first.pipeline.mission, change)
         for view in self._views.all.values():
             view.pipeline.change_fleet(change)
@@ -268,7 +268,7 @@ class Flight:
             self._commands.set_ground({i: after.name_of(i) for i in after.ugv_ids})
         else:
             self._rates[0].set_ground(after.ugv_ids)
-        self._ingest.know(after.system_ids, self._first.uav_id)
+        self._ingest.set_fleet(after.system_ids, self._first.uav_id)
 
     def save_mission(self) -> str:
         """Write the mission as a file of the working folder, never over one, to be flown again; tells where.
@@ -288,7 +288,7 @@ class Flight:
         return f"the mission is {'saved' if new else 'already'} in {path.name}: gcs fly {path.name} flies it again"
 
     def accept_held(self, system_ids: Sequence[int]) -> None:
-        """The operator vouches for vehicles whose signed packets are held: an event each."""
+        """Accept vehicles whose signed packets are held, which the operator vouches for: an event each."""
         for system_id in system_ids:
             try:
                 self._ingest.accept_held(system_id)
@@ -297,7 +297,7 @@ class Flight:
                 self._add_operator_event(system_id, f"signed packets stay held: {error}")
 
     def next_view(self) -> Flight | None:
-        """The same with its next camera on show and in focus."""
+        """Show the next camera of the flight and put it in focus."""
         self._views.show_next()
         return self if self._views.several else None
 
@@ -307,7 +307,7 @@ class Flight:
         return [CameraPicture(name=each.name, snapshot=each.loop.latest, on_show=each is shown) for each in views]
 
     def take_rival_video(self) -> None:
-        """The operator takes the other video where two senders contest its port: an event."""
+        """Take the other video where two senders contest its port, as the operator wants: an event."""
         if taken := self._views.shown.video.take_rival():
             self._views.shown.loop.add_event(
                 Event(t_us=now_us(), level="warning", kind="operator", text=f"video is to come from {taken}")

@@ -24,12 +24,13 @@ from vision.motion.estimator import MotionEstimator
 from vision.motion.image_motion import ImageMotion
 from vision.video.video import Frame
 
-MOST_EVENTS = 2000
-MOST_WAITING = 200_000
+MAX_EVENTS = 2000
+MAX_WAITING = 200_000
 """Packets: half a minute of the fastest fleet."""
 PACE_FRAMES, PACE_S = 20, 2.0
-MOST_LAG_US = HELD_US
-"""By how much what is shown without a frame is behind the clock, at most, and for how long after the last frame."""
+MAX_LAG_US = HELD_US
+"""Greatest delay behind the clock of what is shown without a frame, and the time after the last frame for which it
+is."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -40,7 +41,7 @@ class _LookedAt:
     boxes: Detections | None
     motion: ImageMotion | None
     since_us: int
-    """When it was put by, by the wall clock."""
+    """Time at which the frame was put aside, by the wall clock."""
 
 
 class FrameLoop:
@@ -75,18 +76,18 @@ class FrameLoop:
         self._moved: ImageMotion | None = None
         self._faults, self._on_snapshot = faults, on_snapshot
         self._now_us = now_us
-        self._waiting: deque[Packet] = deque(maxlen=MOST_WAITING)
+        self._waiting: deque[Packet] = deque(maxlen=MAX_WAITING)
         self._packets_dropped = 0
         self._heard_us = 0
         self._new_events: deque[Event] = deque()
-        self._events: deque[Event] = deque(maxlen=MOST_EVENTS)
+        self._events: deque[Event] = deque(maxlen=MAX_EVENTS)
         self._frames = 0
         self._looked_at: deque[_LookedAt] = deque()
         """Frames that wait for the telemetry of their time, in order."""
         self._records = self._record_us = 0
         """Number of the record after the one taken in last, and the stamp of that one."""
         self._lag_us = self._shown_us = 0
-        """How long after the last frame was taken it was shown, and when that was."""
+        """Delay with which the last frame was shown after it was taken, µs, and the time of that."""
         self._frame_ends: deque[float] = deque(maxlen=PACE_FRAMES)
         self.health = Health()
         self.latest: Snapshot | None = None
@@ -98,7 +99,7 @@ class FrameLoop:
             packets: in order of arrival.
             heard_us: with these, everything received before this Unix time is queued.
         """
-        self._packets_dropped += max(len(self._waiting) + len(packets) - MOST_WAITING, 0)
+        self._packets_dropped += max(len(self._waiting) + len(packets) - MAX_WAITING, 0)
         self._waiting.extend(packets)
         self._heard_us = heard_us
 
@@ -112,13 +113,13 @@ class FrameLoop:
 
     @property
     def throughput(self) -> Throughput:
-        """How many frames it processes, and how fast."""
+        """Number of frames that it processes, and how fast."""
         ends = tuple(self._frame_ends)
         fps = (len(ends) - 1) / (ends[-1] - ends[0]) if len(ends) > 1 and time.monotonic() - ends[-1] < PACE_S else 0.0
         return Throughput(frames=self._frames, fps=fps, packets_dropped=self._packets_dropped)
 
     def run_once(self, frame: Frame | None) -> None:
-        """One turn: fold in the queued packets and events, and each frame whose telemetry has come or is late.
+        """Run one turn: fold in the queued packets and events, and each frame whose telemetry has come or is late.
 
         Args:
             frame: the newest, None if none came since the last turn.
@@ -247,7 +248,8 @@ class FrameLoop:
         return boxes
 
     def _compare(self, frame: Frame, boxes: Detections) -> ImageMotion | None:
-        """How the camera moved since the last frame that was looked at, recorded; None where that cannot be told."""
+        """Return how the camera moved since the last frame that was looked at, and record it; None where that cannot be
+        told."""
         self._moved = None
         try:
             motion = self._motions.update(frame.image, boxes.at_least(self._pipeline.mission.detector.score))
@@ -264,7 +266,7 @@ class FrameLoop:
         """Fold without a new frame: the fleet goes on, the last image stays on the screen."""
         now_us = self._now_us()
         # the next frame is as old as the last when it comes: time must not be ahead of it
-        lag_us = min(self._lag_us, MOST_LAG_US) if 0 <= now_us - self._shown_us < MOST_LAG_US else 0
+        lag_us = min(self._lag_us, MAX_LAG_US) if 0 <= now_us - self._shown_us < MAX_LAG_US else 0
         t_us = now_us - lag_us
         if self.latest is not None and t_us == self.latest.seen_us:
             t_us += 1  # boxes of the very time of a snapshot are new ones
@@ -276,5 +278,5 @@ class FrameLoop:
 
 
 def _behind_s(t_us: int, heard_us: int) -> float:
-    """How far telemetry is behind a moment, 0 where it is not or nothing is known."""
+    """Return how far telemetry is behind a moment, s; 0 where it is not or nothing is known."""
     return max(t_us - heard_us, 0) * 1e-6 if heard_us else 0.0

@@ -32,9 +32,9 @@ USUAL_LINKS = tuple(f"udpin:0.0.0.0:{port}" for port in (14550, 14540, 14551))
 """The UDP ports that autopilots, simulators and routers send to unless they are told otherwise."""
 HEARD_VIDEO = f"udp://:{PORT}"
 """The video of whoever sends RTP or MPEG-TS to the usual port."""
-MOST_KEPT = 50_000
+MAX_KEPT = 50_000
 """Packets for the flight: a minute of a large fleet. What was heard before is recorded and not folded in."""
-_MOST_DATAGRAMS = 200
+_MAX_DATAGRAMS = 200
 """Most datagrams of video looked at in one turn."""
 _ENOUGH_DATAGRAMS = 3
 """Datagrams that look like video: one may be anything."""
@@ -154,10 +154,10 @@ class Listening:
             raise
         self.folder, self.links, self.began_us = folder, tuple(links), began_us
         self.roster = Roster()
-        self._kept: deque[Packet] = deque(maxlen=MOST_KEPT)
+        self._kept: deque[Packet] = deque(maxlen=MAX_KEPT)
 
     def add_link(self, url: str) -> None:
-        """Listen to one more link from now on; the recording and who is heard begin anew.
+        """Listen to one more link from now on; the recording and who is heard begin again.
 
         Raises:
             LinkError: it cannot be opened; the others are listened to as before.
@@ -182,7 +182,7 @@ class Listening:
         return ", ".join([f"UDP {', '.join(usual)}"] * bool(usual) + others)
 
     def poll(self, timeout_s: float) -> None:
-        """Take in what has come, waiting for it at most so long."""
+        """Take in what has come, waiting for it at most this long."""
         packets = self.ingest.read(timeout_s)
         for packet in packets:
             self.roster.add_packet(packet)
@@ -202,11 +202,11 @@ class Listening:
 
     @property
     def quiet_s(self) -> float:
-        """For how long nothing new was heard."""
+        """Time since something new was heard, s."""
         return (now_us() - max(self.began_us, self.roster.news_us, self._video_us)) * 1e-6
 
     def hand_over(self) -> tuple[Packet, ...]:
-        """The links belong to the flight from now on; the packets until now that it does not have yet."""
+        """Hand the links over to the flight; return the packets until now that it does not have yet."""
         self.poll(0.0)
         self._handed_over = True
         kept = tuple(self._kept)
@@ -230,7 +230,7 @@ class Listening:
         if self._video is None or self.hears_video:
             return
         with contextlib.suppress(OSError):  # nothing more
-            for _ in range(_MOST_DATAGRAMS):
+            for _ in range(_MAX_DATAGRAMS):
                 data = self._video.recv(65536)
                 if data and looks_like(data, ""):
                     self._datagrams += 1

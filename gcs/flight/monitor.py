@@ -43,7 +43,7 @@ class FlightMonitor:
         video: the camera, if there is one.
         rates: message rates to report, without those that the command service does.
         keys: signing keys in use.
-        spare: names of links that are not told of before something came over them.
+        spare: names of links that are not reported before something came over them.
         on_event: called with each change.
     """
 
@@ -62,7 +62,7 @@ class FlightMonitor:
         self._keys, self._spare, self._on_event = keys, frozenset(spare), on_event
 
     def check(self, throughput: Throughput, faults: Faults, offer: VideoStreamInformation | None) -> Health:
-        """The health at this moment, and events for what has changed; to be called once a second or more often.
+        """Return the health at this moment, and report what has changed; to be called once a second or more often.
 
         Args:
             throughput: of the fold.

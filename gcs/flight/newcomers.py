@@ -14,14 +14,15 @@ from gcs.snapshot import Event, Snapshot
 from gcs.station import Newcomer
 from mavlink.protocol.packet import Auth, Packet
 
-LEAST_POSITIONS = 5
+MIN_POSITIONS = 5
 """Positions after which a vehicle is offered: who passes by or is made up for a moment is not."""
 NEAR_M = 2000.0
 """Distance from every vehicle of the fleet beyond which a vehicle is of another flight."""
-MOST_OFFERED = 8
+MAX_OFFERED = 8
 """Most newcomers offered: more at once are made up, or another fleet; they can be taken in all the same."""
-MOST_PACKETS = 1000
-"""From strangers that are looked at between two looks at who they are: under a flood that is enough."""
+MAX_PACKETS = 1000
+"""Most packets of unknown senders that are examined from one check for new vehicles to the next: enough under a
+flood."""
 
 
 class Newcomers:
@@ -34,7 +35,7 @@ class Newcomers:
     def __init__(self, known: Collection[int] = ()) -> None:
         self._roster = Roster()
         self._known = set(known)
-        self._budget = MOST_PACKETS
+        self._budget = MAX_PACKETS
         self._offered: set[int] = set()
         self._crowded = False
         self.heard: tuple[Newcomer, ...] = ()
@@ -55,12 +56,12 @@ class Newcomers:
             fleet: system ids of those who fly.
             snapshot: the newest.
         """
-        self._budget = MOST_PACKETS
+        self._budget = MAX_PACKETS
         self._known |= set(fleet)
         before = {each.system_id for each in self.heard if each.offered}
         ours = [self._judged(each, snapshot) for each in self._roster.vehicles if each.system_id not in fleet]
         new = [each for each in ours if each.offered and each.system_id not in before]
-        room = max(MOST_OFFERED - len(self._offered), 0)
+        room = max(MAX_OFFERED - len(self._offered), 0)
         self._offered |= {each.system_id for each in new[:room]}
         self.heard = tuple(replace(each, offered=each.offered and each.system_id in self._offered) for each in ours)
         events = [
@@ -69,14 +70,14 @@ class Newcomers:
         ]
         if new[room:] and not self._crowded:
             self._crowded = True
-            text = f"more than {MOST_OFFERED} new vehicles are heard: no more are offered; F shows all who are heard"
+            text = f"more than {MAX_OFFERED} new vehicles are heard: no more are offered; F shows all who are heard"
             events.append(Event(t_us=t_us, level="warning", kind="vehicle", text=text))
         return events
 
     def _judged(self, each: HeardVehicle, snapshot: Snapshot | None) -> Newcomer:
         """A vehicle that is not in the fleet, offered where it may be one of ours."""
         away_m = _away_m(each, snapshot)
-        reports = len(each.positions) >= LEAST_POSITIONS and each.auth <= Auth.GOOD
+        reports = len(each.positions) >= MIN_POSITIONS and each.auth <= Auth.GOOD
         near = each.system_id in self._offered or (reports and away_m <= NEAR_M)
         ours = each.role == "named" and near and each.system_id not in self._known
         return Newcomer(system_id=each.system_id, kind=each.kind, away_m=away_m, offered=ours)

@@ -32,7 +32,7 @@ class FlightPlan:
     forward: tuple[str, ...] = ()
     """Outputs to which packets go on as they came."""
     command: bool = False
-    """True if this station may send: beat, ask for rates, and command the UAV."""
+    """True if this station may send: heartbeats, requests for rates, and commands to the UAV."""
     accept_late: tuple[int, ...] = ()
     """Vehicles whose signed packets are accepted without a proof that they are made now."""
     spare: tuple[str, ...] = ()

@@ -18,12 +18,13 @@ from vision.stream.stream import VideoStream
 from vision.video.video import Frame
 
 AUTO = "auto"
-"""In place of a video's URL: what the UAV offers."""
+"""Word in place of a video's URL for what the UAV offers."""
 IF_OFFERED = "auto if offered"
-"""The same where nobody asked for a video: none is waited for before the UAV offers one."""
+"""Word for a video that nobody asked for: none is waited for before the UAV offers one."""
 _BY_OFFER = (AUTO, IF_OFFERED)
 MANY_REFUSED = 20
-"""Datagrams of others that are dropped before it is told: some are the rest of an earlier flight."""
+"""Number of datagrams from other senders that are dropped before it is reported: some are the rest of an earlier
+flight."""
 
 
 def check_source(wanted: str) -> None:
@@ -54,7 +55,7 @@ class FlightVideo:
         self._state = "none"
         self._reported = ("", "", 0)
         self._sender: Sender | None = None
-        self._told_refused = False
+        self._has_reported_refusals = False
         self._dated_by = ""
         if wanted not in ("", *_BY_OFFER):
             self._open(wanted)
@@ -142,8 +143,8 @@ class FlightVideo:
             before, self._sender = self._sender, stream.sender
             came = f", and no longer from {before}" if before else ""
             yield _event("warning" if before else "info", f"video comes from {stream.sender}{came}")
-        if stream.strangers > MANY_REFUSED and not self._told_refused:
-            self._told_refused = True
+        if stream.strangers > MANY_REFUSED and not self._has_reported_refusals:
+            self._has_reported_refusals = True
             yield _event("warning", f"others send to the video's port too; {stream.strangers} datagrams dropped")
 
 

@@ -71,8 +71,8 @@ class FlightView:
         self._taken = received if frame else self._taken
         return frame
 
-    def told(self, event: Event, *, further: bool) -> Event:
-        """An event of this camera as it is told among those of others.
+    def label_event(self, event: Event, *, further: bool) -> Event:
+        """Put the camera's name before an event, for a log that has those of all cameras.
 
         Args:
             further: it is not the first camera, whose fold has what the operator did to the fleet, too.
@@ -80,14 +80,14 @@ class FlightView:
         named = event.kind in OF_A_CAMERA or (further and event.is_about_a_box)
         return replace(event, text=f"{self.name}: {event.text}") if named else event
 
-    def told_alarm(self, alarm: Alarm) -> Alarm:
-        """An alarm of this camera as it is told among those of others; by the aircraft's id it is told from theirs."""
+    def label_alarm(self, alarm: Alarm) -> Alarm:
+        """Put the camera's name before an alarm, and the aircraft's id, by which it differs from others', into it."""
         if alarm.kind not in OF_A_CAMERA:
             return alarm
         return replace(alarm, text=f"{self.name}: {alarm.text}", system_id=alarm.system_id or self.uav_id)
 
     def own(self, alarm: Alarm) -> Alarm | None:
-        """The alarm that :meth:`told_alarm` was given; None of one that is of another camera."""
+        """The alarm before :meth:`label_alarm`; None of one that is of another camera."""
         if alarm.kind not in OF_A_CAMERA:
             return alarm
         text = alarm.text.removeprefix(f"{self.name}: ")

@@ -9,23 +9,23 @@ from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import replace
 
-from gcs.flight.frame_loop import MOST_EVENTS
+from gcs.flight.frame_loop import MAX_EVENTS
 from gcs.flight.view import FlightView
-from gcs.fold.meeting import Meeting
 from gcs.fold.seen_elsewhere import with_elsewhere
+from gcs.fold.view_exchange import ViewExchange
 from gcs.health.alarms import urgency
 from gcs.snapshot import Event, Snapshot
 from mavlink.protocol.packet import Packet
 from vision.video.video import Frame
 
 IDLE_S = 0.2
-"""Without a new frame for this long the fleet is shown all the same."""
+"""Time without a new frame after which the fleet is shown all the same, s."""
 IDLE_OF_MANY_S = 0.4
-"""The same of each of several cameras."""
+"""Equivalent of ``IDLE_S`` for each of several cameras."""
 WAITING_S = 0.02
 """Poll interval in seconds while frames wait for telemetry, and where several cameras have to be asked."""
 OVERDUE_S = 0.35
-"""A camera that is not in focus is looked at after so long at the latest: with the look that is under way meanwhile
+"""Longest time for which a camera that is not in focus waits for a look, s: with the look that is under way meanwhile
 that is twice a second."""
 
 
@@ -44,10 +44,10 @@ class FlightViews:
     def __init__(self, on_snapshot: Callable[[int, Snapshot], None]) -> None:
         self._on_snapshot = on_snapshot
         self._views: dict[int, FlightView] = {}
-        self._meeting = Meeting()
+        self._exchange = ViewExchange()
         self._looked_s: dict[int, float] = {}
         self._last = -1
-        self._told: deque[Event] = deque(maxlen=MOST_EVENTS)
+        self._events: deque[Event] = deque(maxlen=MAX_EVENTS)
         self._beside: tuple[Snapshot | None, Snapshot | None] = None, None
 
     def add(self, place: int, view: FlightView) -> None:
@@ -57,7 +57,7 @@ class FlightViews:
         self._views[place], self._looked_s[place] = view, -math.inf
         if self.several:
             for each in self._views.values():
-                each.pipeline.seat = self._meeting.seat(each.uav_id, each.recorder.heard)
+                each.pipeline.exchange = self._exchange.join(each.uav_id, each.recorder.heard)
 
     @property
     def first(self) -> FlightView:
@@ -92,10 +92,10 @@ class FlightViews:
                 view.loop.take_in_packets()
 
     def turn(self, stopped_within: Callable[[float], bool]) -> None:
-        """One turn: look at a frame, waited for, and fold whatever is due.
+        """Run one turn: look at a frame, waited for, and fold whatever is due.
 
         Args:
-            stopped_within: waits for so many seconds, or until the flight ends.
+            stopped_within: waits for this many seconds, or until the flight ends.
         """
         place, frame = self._next_frame(stopped_within)
         now_s, pause_s = time.monotonic(), IDLE_OF_MANY_S if self.several else 0.0
@@ -119,14 +119,14 @@ class FlightViews:
 
     def events(self) -> Sequence[Event]:
         """Events so far: of the fleet, and of each camera what is about that one."""
-        return tuple(self._told)
+        return tuple(self._events)
 
     def take(self, view: FlightView, snapshot: Snapshot) -> None:
         """Keep what is new for the screen: the fleet's events once, by the first camera's fold."""
         first = view is self.first
         for event in snapshot.events:
             if first or event.is_of(view.uav_id):
-                self._told.append(view.told(event, further=not first) if self.several else event)
+                self._events.append(view.label_event(event, further=not first) if self.several else event)
         self._on_snapshot(self._place_of(view), snapshot)
 
     def _place_of(self, view: FlightView) -> int:
@@ -164,19 +164,13 @@ class FlightViews:
 
 def beside(snapshot: Snapshot, view: FlightView, others: Sequence[FlightView]) -> Snapshot:
     """A camera's snapshot with what the others tell: alarms that it has not, their aircraft, what they see, and who is
-    named there.
-
-    Args:
-        snapshot: of the camera.
-        view: the camera.
-        others: the other cameras.
-    """
+    named there."""
     newest = [(other, other.loop.latest) for other in others]
-    alarms = [view.told_alarm(alarm) for alarm in snapshot.alarms]
+    alarms = [view.label_alarm(alarm) for alarm in snapshot.alarms]
     known = {(alarm.key, alarm.system_id) for alarm in alarms}
     for other, theirs in newest:
-        told = map(other.told_alarm, theirs.alarms if theirs else ())
-        alarms += [alarm for alarm in told if (alarm.key, alarm.system_id) not in known]
+        theirs_labelled = map(other.label_alarm, theirs.alarms if theirs else ())
+        alarms += [alarm for alarm in theirs_labelled if (alarm.key, alarm.system_id) not in known]
         known |= {(alarm.key, alarm.system_id) for alarm in alarms}
     seen = [(other.name, theirs) for other, theirs in newest if theirs is not None]
     return replace(with_elsewhere(snapshot, seen), alarms=tuple(sorted(alarms, key=urgency)))

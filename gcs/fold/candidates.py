@@ -16,11 +16,11 @@ from mavlink.state import FleetState, VehicleStatus
 OLD_S = 2.0
 """A report older than this does not count as where the vehicle is: at 5 m/s it has gone ten metres."""
 FAR_DEVIATIONS = 3.0
-"""A box that belongs to the vehicle is farther in one of ninety cases (two axes)."""
-LEAST_SHOWN = 0.01
+"""Deviations beyond which a box is too far: one that belongs to the vehicle is in one of ninety cases (two axes)."""
+MIN_SHOWN = 0.01
 """Probability below which 0 % is shown: nothing is called likelier than others beside that."""
-MOST_REASONS = 2
-"""More do not fit on a line, and the weightiest comes first."""
+MAX_REASONS = 2
+"""Most reasons on a line, the weightiest first."""
 _WORDS = {
     AnswerDoubt.NONE: "",
     AnswerDoubt.FIT: "film and telemetry are not known to belong together",
@@ -46,11 +46,11 @@ def doubt_words(identities: Identities) -> list[str]:
 
 
 class CandidateWords:
-    """The candidates in words, made anew when the identifier has compared anew."""
+    """The candidates in words, made again when the identifier has compared again."""
 
     def __init__(self, threshold: float) -> None:
         self._threshold = threshold
-        self._said_of: Candidates | None = None
+        self._explained: Candidates | None = None
         self._names: list[int] = []
         self._words: list[tuple[Candidate, ...]] = []
 
@@ -67,8 +67,8 @@ class CandidateWords:
         if identities is None:
             return ()
         names = identities.system_id.tolist()
-        if identities.candidates is not self._said_of or names != self._names:
-            self._said_of, self._names = identities.candidates, names
+        if identities.candidates is not self._explained or names != self._names:
+            self._explained, self._names = identities.candidates, names
             self._words = _in_words(identities, state, self._threshold, contradicted)
         return self._words
 
@@ -112,7 +112,7 @@ def _in_words(
                     # the one number that decides: after all doubts about the vehicle
                     confidence=sure[track] if own else confidence,
                     distance_m=distance_m if age_s <= OLD_S else math.nan,
-                    against=", ".join(reasons[:MOST_REASONS]),
+                    against=", ".join(reasons[:MAX_REASONS]),
                     missing=missing,
                 )
             )
@@ -121,7 +121,7 @@ def _in_words(
 
 
 def missing_because(status: VehicleRow | VehicleStatus | None, age_s: float, *, contradicted: bool) -> str:
-    """Why a vehicle's reports do not tell where it is; empty: they do.
+    """Return why a vehicle's reports do not tell where it is; empty: they do.
 
     Args:
         status: the vehicle, None unknown.
@@ -161,7 +161,7 @@ def _better_box(sure: float, *, has_name: bool) -> str:
 
 def _of_its_rivals(confidence: float, none_of_ours: float, threshold: float, *, better: bool) -> Iterator[str]:
     """Answer that is likelier than that the box is this vehicle."""
-    if none_of_ours > confidence and none_of_ours >= LEAST_SHOWN:
+    if none_of_ours > confidence and none_of_ours >= MIN_SHOWN:
         yield "none of ours is likelier"
     elif confidence < threshold and not better:
         yield f"not sure enough: {certainty(threshold)} needed"

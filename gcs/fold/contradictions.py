@@ -46,19 +46,19 @@ class Contradictions:
         self._frame_us = 0
         self._proved: frozenset[int] = frozenset()
         self._lost: frozenset[int] = frozenset()
-        """Those who stand until they fit, and those of them who lost their names."""
+        """Vehicles that stay contradicted until they fit, and those of them that lost their names."""
         self._apart_us: dict[int, int] = {}
         self._left_us: dict[int, int] = {}
         self._fits_us: dict[int, int] = {}
         self._conflict_us: dict[int, int] = {}
-        """Since when each vehicle is far from its box, far from the one that it was, at its box, and in conflict by the
-        identifier."""
+        """Times since which each vehicle is far from its box, far from the one that it was, at its box, and in conflict
+        by the identifier."""
         self._cleared: set[int] = set()
-        """Those whom the identifier suspects, and whose boxes surely were them where they report to be."""
+        """Vehicles that the identifier suspects, and whose boxes surely were them where they report to be."""
         self._was: dict[int, int] = {}
         """The track that surely was a vehicle when it last was at its box."""
         self._home_us: dict[int, tuple[int, int]] = {}
-        """Since when it surely was that track, and when last."""
+        """Times since which a vehicle surely was that track, and when last."""
         self._beside: dict[int, dict[int, int]] = {}
         """Tracks that were seen beside that one since the vehicle was accused, and when last: it is none of them while
         they are followed."""
@@ -158,8 +158,8 @@ class Contradictions:
             for vehicle, beside in self._beside.items()
             if vehicle in self._proved
         }
-        told = self.withheld & self._beside.keys()
-        self.left = frozenset[int]().union(*(tracks - self._beside[vehicle].keys() for vehicle in told))
+        contradicted = self.withheld & self._beside.keys()
+        self.left = frozenset[int]().union(*(tracks - self._beside[vehicle].keys() for vehicle in contradicted))
 
     def _beside_former(
         self, identities: Identities, seen: Collection[int], limit_m: dict[int, float]
@@ -195,7 +195,7 @@ class Contradictions:
 
 
 def _at_one_place(vehicles: Collection[int], state: FleetState) -> set[int]:
-    """Those of some vehicles that report to be where another of them is."""
+    """Return those of some vehicles that report to be where another of them is."""
     place = dict(zip(state.system_id.tolist(), state.p_enu[:, :2].tolist(), strict=True))
     return {
         vehicle
@@ -206,7 +206,7 @@ def _at_one_place(vehicles: Collection[int], state: FleetState) -> set[int]:
 
 
 def _since(before_us: dict[int, int], vehicles: Collection[int], t_us: int) -> dict[int, int]:
-    """Since when each of some vehicles has been among them."""
+    """Return the time since which each of some vehicles has been among them."""
     return {vehicle: before_us.get(vehicle, t_us) for vehicle in vehicles}
 
 

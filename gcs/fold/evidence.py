@@ -16,7 +16,7 @@ from vision.detect.detections import Detections
 from vision.track.tracks import Tracks
 
 LONGEST_AGO_S = 2.0
-"""Reports that are older are late by radio; the camera is taken to have flown straight on for so long."""
+"""Reports that are older are late by radio; the camera is taken to have flown straight on for this long."""
 
 
 def observation_of(

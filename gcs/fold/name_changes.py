@@ -26,14 +26,14 @@ class NameChanges:
 
     Attributes:
         by_track: system id by the track that carries its name now.
-        began_anew: set when all evidence is given up, until the next frame.
+        evidence_forgotten: set when all evidence is given up, until the next frame.
     """
 
     def __init__(self, mission: Mission) -> None:
         self.mission = mission
         self._at_border: frozenset[int] = frozenset()
         self.by_track: dict[int, int] = {}
-        self.began_anew = False
+        self.evidence_forgotten = False
         self._told: dict[int, int] = {}
         """Track that was told to be a vehicle, by vehicle."""
         self._last: dict[int, int] = {}
@@ -78,7 +78,7 @@ class NameChanges:
                 text = f"track {track} is no longer {self.mission.name_of(vehicle)}: {reason}"
                 events.append(Event(t_us=t_us, level="info", kind="identity", text=text, system_id=vehicle))
         self._at_border = _tracks_at_border(tracks, size)
-        self.began_anew = False
+        self.evidence_forgotten = False
         return events
 
     def _given(self, t_us: int, found: dict[int, tuple[int, float]]) -> list[Event]:
@@ -118,7 +118,7 @@ class NameChanges:
         if vehicle not in self.mission.ugv_ids:
             return "it is left out of the fleet"
         status = {each.system_id: each for each in state.vehicles}[vehicle]
-        if self.began_anew:
+        if self.evidence_forgotten:
             return "names begin anew"
         if state.vehicles[0].contested:
             return "several senders use the UAV's id"

@@ -31,13 +31,13 @@ from gcs.fold.evidence import camera_of, observation_of, reports_of
 from gcs.fold.fences import Fences
 from gcs.fold.fleet_changes import FleetChanges
 from gcs.fold.ground.contact import pixels_on_ground
-from gcs.fold.meeting import Seat
 from gcs.fold.name_changes import NameChanges
 from gcs.fold.notice_events import NoticeEvents
 from gcs.fold.quarantine import limit_doubted, withhold_names
 from gcs.fold.since import Since
 from gcs.fold.snapshot_rows import boxes_of, vehicle_rows, with_camera_errors, with_standings
 from gcs.fold.statements import Statements
+from gcs.fold.view_exchange import ExchangeMember
 from gcs.health.alarms import Alarms
 from gcs.health.event_throttle import EventThrottle
 from gcs.health.link_rates import LinkRates
@@ -52,37 +52,37 @@ from mavlink.state import FleetState
 from vision.camera.camera import footprint, ground_sampling
 from vision.detect.detections import Detections
 from vision.motion.image_motion import ImageMotion
-from vision.track.parts import Parts, Wholes
+from vision.track.parts import JoinedBoxes, PartJoiner
 from vision.track.tracker import Tracker
 from vision.track.tracks import Stitch, TrackerParams, Tracks
 
 IntArray = NDArray[np.int64]
 FloatArray = NDArray[np.float64]
-MOST_BOXES = 300
-"""Most boxes of a frame: more vehicles than system ids, and at most 0.2 s of work in a frame that is full of them."""
+MAX_BOXES = 300
+"""Most boxes of a frame: more vehicles than there are system ids, and at most 0.2 s of work."""
 HELD_US = 2_000_000
-"""Names are shown this long after their frame: at 5 m/s a vehicle is 10 m on, perhaps where its neighbour was."""
-WAIT_US, MOST_WAIT_US = 150_000, 1_000_000
-"""A frame waits so long for the attitude after its own time, and at most over a radio that is late: names that are late
-by as much are better than names by a pose that is extrapolated."""
-NEXT_US = 100_000
-"""Time from one report of the UAV's position to the next, usually."""
+"""Time for which names are shown after their frame: at 5 m/s a vehicle is 10 m on, perhaps where its neighbour was."""
+WAIT_US, MAX_WAIT_US = 150_000, 1_000_000
+"""Time that a frame waits for the attitude after its own time, and the most over a slow radio: names that come as much
+later are better than names by a pose that is extrapolated."""
+REPORT_INTERVAL_US = 100_000
+"""Usual time from one report of the UAV's position to the next."""
 CLOCK_SET_US = 10_000_000
-"""A frame may come so late; one that is earlier still was dated by a clock that had been set back."""
+"""Greatest delay of a frame; one that is earlier still was dated by a clock that had been set back."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Look:
-    """Boxes that were found in the last frame that was looked at."""
+    """Result of the last frame that the detector looked at."""
 
     t_us: int
     detections: Detections
     """Boxes of the frame as the detector drew them: a vehicle in two parts has two."""
-    wholes: Wholes
-    """The same boxes, one for each vehicle."""
+    joined: JoinedBoxes
+    """Boxes with one for each vehicle."""
     tracks: Tracks
     found: Identities | None
-    """None without a camera pose, and once names have begun anew."""
+    """None without a camera pose, and once names have started again."""
     view: FrameCamera | None
     uv: dict[int, FloatArray]
     """Pixel (2,) of each vehicle's reported place then, by system id."""
@@ -98,11 +98,11 @@ class Pipeline:
         sized: whether frames of unknown size are of the size that the camera is described for.
 
     Attributes:
-        seat: where it meets the folds of the flight's other cameras; None: it is by itself.
+        exchange: with the folds of the flight's other cameras; None: it is by itself.
         evidence: keeps what names rest on, for those who look at the whole flight later; None: nobody does.
     """
 
-    seat: Seat | None = None
+    exchange: ExchangeMember | None = None
     evidence: FlightEvidence | None = None
 
     def __init__(
@@ -130,7 +130,7 @@ class Pipeline:
         self._tracker: Tracker | None = None
         self._looked_us: dict[int, int] = {}
         """Time of the last look at where a vehicle reports to be, while not all of the picture is looked at."""
-        self._parts = Parts()
+        self._parts = PartJoiner()
         self._params = identifier_params(mission)
         if auto := mission.clock.video_offset_s == "auto":
             self._params = replace(self._params, time_offset_std_s=self._params.unknown_offset_std_s)
@@ -170,7 +170,7 @@ class Pipeline:
                 self._alarms.texts.add(event)
             self._events += self._throttle.admit(events)
 
-    def awaits_telemetry(self, t_us: int, heard_us: int, *, most_us: int = MOST_WAIT_US) -> bool:
+    def awaits_telemetry(self, t_us: int, heard_us: int, *, most_us: int = MAX_WAIT_US) -> bool:
         """Tell whether a frame should be kept back since reports of the UAV's pose after it are still to come.
 
         Args:
@@ -178,7 +178,7 @@ class Pipeline:
             heard_us: whatever came before this Unix time was added.
             most_us: wait no longer, µs.
         """
-        return heard_us < self.awaits_until(t_us, most_us) and self.fleet.awaits(self._belongs_us(t_us))
+        return heard_us < self.awaits_until(t_us, most_us) and self.fleet.awaits(self._attitude_time(t_us))
 
     def awaits_until(self, t_us: int, most_us: int) -> int:
         """Unix µs from which a frame waits no longer for reports of the UAV's pose.
@@ -187,16 +187,16 @@ class Pipeline:
             t_us: when the frame was taken, Unix µs on the video's clock.
             most_us: wait no longer, µs.
         """
-        return max(t_us, self._belongs_us(t_us)) + most_us
+        return max(t_us, self._attitude_time(t_us)) + most_us
 
-    def _belongs_us(self, t_us: int) -> int:
+    def _attitude_time(self, t_us: int) -> int:
         """Telemetry's time, Unix µs, of the attitude that a frame was taken with."""
         return self.telemetry_time(t_us) + self._cameras.attitude_lag_us
 
     @property
     def wait_us(self) -> int:
         """Time that a flight's frame waits for the UAV's pose after its own time, µs: longer where radio is late."""
-        return min(max(round(self.fleet.uav_delay_us) + NEXT_US, WAIT_US), MOST_WAIT_US)
+        return min(max(round(self.fleet.uav_delay_us) + REPORT_INTERVAL_US, WAIT_US), MAX_WAIT_US)
 
     @property
     def found_camera(self) -> Camera | None:
@@ -288,9 +288,9 @@ class Pipeline:
             heard_us: All telemetry that came before this Unix time was added: ages are as of then where that is
                 earlier, so that a fold that is late makes no vehicle silent. 0: whatever came before the frame.
         """
-        if detections is not None and len(detections) > MOST_BOXES:
+        if detections is not None and len(detections) > MAX_BOXES:
             self._report_crowd(t_us, len(detections.at_least(self._score)))
-            detections = detections.select(np.sort(np.argsort(-detections.score, kind="stable")[:MOST_BOXES]))
+            detections = detections.select(np.sort(np.argsort(-detections.score, kind="stable")[:MAX_BOXES]))
         self._follow_changes(t_us, index)
         state = self.fleet.at(self.telemetry_time(t_us), heard_us)
         self._notices.follow(state)
@@ -312,30 +312,30 @@ class Pipeline:
             view = self._cameras.zoomed(t_us, view, detections.at_least(self._score))
             view = self._cameras.predicted(state, view, self.fleet, moved, yaw_error=yaw_error)
         warp = ground_warp(self._view, view) if motion is None else motion.H
-        wholes = self._joined(t_us, detections, view)
+        joined = self._join_parts(t_us, detections, view)
         if self._tracker is None:
             self._tracker = Tracker(TrackerParams(new_score=self._score, frame_size=self._cameras.size))
         stitch, known, focal_px = self._stitch(t_us, view), self._known(state), view.intrinsics.fx if view else None
         expected = self._expected_px(state, view) or {}
         expected_px = np.array(list(expected.values())).reshape(-1, 2)
         tracks = self._tracker.update(
-            *(wholes.boxes, t_us), warp=warp, stitch=stitch, known=known, focal_px=focal_px, reported_px=expected_px
+            *(joined.boxes, t_us), warp=warp, stitch=stitch, known=known, focal_px=focal_px, reported_px=expected_px
         )
         self._events += self._statements.apply(t_us, index, tracks, self._identifier)
-        anew, events = self._cameras.find(state, wholes.boxes, tracks, view)
+        restarts, events = self._cameras.find(state, joined.boxes, tracks, view)
         self._events += events
-        if anew:
-            self._begin_anew()
+        if restarts:
+            self._forget_evidence()
             view = None
-        view = self._cameras.seen(state.t_us, view, wholes.boxes, tracks) if view else None
+        view = self._cameras.seen(state.t_us, view, joined.boxes, tracks) if view else None
         self._view = view
         self._look = _Look(
             t_us=t_us,
             detections=detections,
-            wholes=wholes,
+            joined=joined,
             tracks=tracks,
             found=self._identify(
-                *(index, t_us, wholes.boxes, tracks, view), self._unlooked_s(t_us, expected, detections)
+                *(index, t_us, joined.boxes, tracks, view), self._unlooked_s(t_us, expected, detections)
             ),
             view=view,
             uv=reported_pixels(state, view),
@@ -377,7 +377,7 @@ class Pipeline:
             self._identifier.change_fleet(self.mission.ugv_ids)
             self._begin_evidence()
             self._statements.count_again(self._identifier)
-            self._names.began_anew = True
+            self._names.evidence_forgotten = True
             if self._look:
                 self._look = replace(self._look, found=None)
 
@@ -388,25 +388,25 @@ class Pipeline:
         return withhold_names(known, state, self._contradictions.withheld, self._contradictions.left)
 
     def _report_crowd(self, t_us: int, boxes: int) -> None:
-        if boxes > MOST_BOXES and not self._crowded:
-            text = f"{boxes} boxes in a frame, only the {MOST_BOXES} best count: the detector sees what is not there"
+        if boxes > MAX_BOXES and not self._crowded:
+            text = f"{boxes} boxes in a frame, only the {MAX_BOXES} best count: the detector sees what is not there"
             self.add_event(Event(t_us=t_us, level="warning", kind="video", text=text))
             self._crowded = True
 
     def _follow_origin(self) -> None:
-        """Begin the names anew when places are given in another frame: all evidence was in the one before."""
+        """Begin the names again when places are given in another frame: all evidence was in the one before."""
         if self._origin is not None and self.fleet.origin is not self._origin:
-            self._begin_anew()
+            self._forget_evidence()
             self._cameras.forget_places()
         self._origin = self.fleet.origin
 
-    def _begin_anew(self) -> None:
+    def _forget_evidence(self) -> None:
         """Forget all evidence."""
         self._identifier = Identifier(self.mission.ugv_ids, self._params)
         self._begin_evidence()
         self._statements.count_again(self._identifier)
         self._view = None
-        self._names.began_anew = True
+        self._names.evidence_forgotten = True
         if self._look:
             self._look = replace(self._look, found=None, view=None, uv={})
 
@@ -415,10 +415,10 @@ class Pipeline:
             self.evidence.begin_anew(self.mission.ugv_ids)
 
     def _follow_steps(self, state: FleetState) -> None:
-        """Names begin anew after a step of the UAV's position that cannot be taken out."""
-        anew, events = self._cameras.follow_steps(state, sure=self._identifier.locked)
-        if anew:
-            self._begin_anew()
+        """Names begin again after a step of the UAV's position that cannot be taken out."""
+        restarts, events = self._cameras.follow_steps(state, sure=self._identifier.locked)
+        if restarts:
+            self._forget_evidence()
         self._events += events
 
     def telemetry_time(self, t_us: int) -> int:
@@ -431,13 +431,13 @@ class Pipeline:
         self._events += events
         return camera
 
-    def _joined(self, t_us: int, detections: Detections, view: FrameCamera | None) -> Wholes:
+    def _join_parts(self, t_us: int, detections: Detections, view: FrameCamera | None) -> JoinedBoxes:
         """The boxes of a frame, one for each vehicle where it has two."""
         if view is None:
             pixel_m = np.tile(np.eye(2), (len(detections), 1, 1))
         else:
             pixel_m = pixels_on_ground(view.intrinsics.rays(detections.centre), view)
-        return self._parts.joined(t_us, detections, pixel_m, self._score)
+        return self._parts.join(t_us, detections, pixel_m, self._score)
 
     def _stitch(self, t_us: int, view: FrameCamera | None) -> Stitch | None:
         """Algorithm 1, lines 15-22: a lost track goes on where its vehicle reports to be."""
@@ -482,21 +482,21 @@ class Pipeline:
             return None
         observation = observation_of(self.telemetry_time(t_us), detections, tracks, view.intrinsics, view)
         heard = None
-        if self.seat and self.fleet.origin:
-            heard = partial(self.seat.answers, index, self.fleet.origin, tuple(self.mission.ugv_ids))
+        if self.exchange and self.fleet.origin:
+            heard = partial(self.exchange.answers, index, self.fleet.origin, tuple(self.mission.ugv_ids))
         camera = self._camera(view)
         found = self._identifier.update(observation, camera, heard=heard, unlooked_s=unlooked_s)
         if self.evidence is not None and self._identifier.by_course:
             self.evidence.add_frame(t_us, observation, camera, self._identifier.pose_correction)
         if self._identifier.height_error is not None:
-            self._cameras.hear_film(*self._identifier.height_error)
+            self._cameras.compare_with_film(*self._identifier.height_error)
         return found
 
     def _number_of(self, track_id: int) -> int:
         """Number of what a track is: no two cameras of the flight give the same one to two objects; of one camera 0."""
         if not self._elsewhere:
             return 0
-        camera, track = self.seat.first_seen(track_id) if self.seat else (self.mission.uav.system_id, track_id)
+        camera, track = self.exchange.first_seen(track_id) if self.exchange else (self.mission.uav.system_id, track_id)
         return (track - 1) * len(self._films) + self._films.index(camera) + 1
 
     def _camera(self, view: FrameCamera) -> CameraState:
@@ -520,7 +520,7 @@ class Pipeline:
         look, boxes = self._look, tuple[Box, ...]()
         if look is not None and t_us - look.t_us <= HELD_US:
             boxes = boxes_of(
-                *(look.detections, look.wholes, look.tracks, identities, look.uv, look.view, self.fleet.origin),
+                *(look.detections, look.joined, look.tracks, identities, look.uv, look.view, self.fleet.origin),
                 candidates=self._candidates.of(identities, state, self._contradictions.standing),
                 named_since=partial(self._named_since.update, t_us),
                 stated=self._statements.by_track,
@@ -553,7 +553,7 @@ class Pipeline:
                 *(self._identifier, self._offset_s),
                 looked_share=looked_share,
                 guessed=self._cameras.guessed,
-                differ=self.seat.contradictions(self.mission) if self.seat else "",
+                differ=self.exchange.contradictions(self.mission) if self.exchange else "",
             ),
             camera=camera_aim(view, state.uav) if view else None,
             pose="unknown" if view is None else "known" if view.attitude_known else "no attitude",

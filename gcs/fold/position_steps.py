@@ -1,8 +1,8 @@
-"""A camera does not leap: steps in the UAV's reported position that no aircraft can do are taken out of the image's
-pose while names are sure, and put back as soon as they are not.
+"""Steps in the UAV's reported position that no aircraft can do, taken out of the image's pose while names are sure.
 
 A receiver that glitches moves the reported camera and not the image. To go on from where the image was keeps names
-right through a glitch and its end. Where names are not sure the new place is as good as the old, and they begin anew.
+right through a glitch and its end. Where names are not sure the new place is as good as the old, and the evidence is
+forgotten.
 """
 
 from __future__ import annotations
@@ -15,12 +15,13 @@ from numpy.typing import NDArray
 FloatArray = NDArray[np.float64]
 
 _STEP_M, _REST_M, _ACCELERATION = 6.0, 1.0, 12.0
-"""Filters settle in steps of a few metres; what follows a step at once is the rest of it. Besides, an aircraft leaves
-its straight line by ½ a t² in the time looked back."""
+"""Least step, metres, as filters settle in steps of a few; least rest of one that follows at once; and acceleration a,
+m/s²: an aircraft leaves its straight line by ½ a t² in the time looked back."""
 _BACK_US, _LONGEST_US = 300_000, 1_500_000
-"""Positions between reports are interpolated, so a step may be spread over some frames; a longer gap is not used."""
+"""Time looked back, as positions between reports are interpolated and a step may be spread over some frames; and the
+longest gap between two frames that are compared."""
 _PATIENCE_US = 8_000_000
-"""Names that are not sure again after so long with a step taken out: the new place was the true one."""
+"""Time for which a step stays taken out while names are not sure; after it the new place was the true one."""
 
 
 class StepFilter:
@@ -36,7 +37,7 @@ class StepFilter:
         self._unsure_us, self._stepped_us = 0, -_LONGEST_US
 
     def update(self, t_us: int, p_enu: FloatArray, v_enu: FloatArray, *, sure: bool) -> float:
-        """One frame.
+        """Take in where the UAV is reported in a frame.
 
         Args:
             t_us: its time.
@@ -45,14 +46,14 @@ class StepFilter:
             sure: whether the names are.
 
         Returns:
-            Metres of a step after which names have to begin anew, 0 where there was none or it was taken out.
+            Metres of a step after which names have to start again, 0 where there was none or it was taken out.
         """
         if not np.isfinite(p_enu).all():
             return 0.0
         if self._past and not 0 <= t_us - self._past[-1][0] <= _LONGEST_US:
             self._past.clear()
             if self.shift_enu.any():  # it may have stepped back in the hole
-                return self._begin_anew(t_us, p_enu, self.shift_enu)
+                return self._restart_from_report(t_us, p_enu, self.shift_enu)
         while self._past and not 0 <= t_us - self._past[0][0] <= _LONGEST_US:
             self._past.popleft()
         while len(self._past) > 1 and t_us - self._past[1][0] >= _BACK_US:
@@ -67,10 +68,10 @@ class StepFilter:
             self._go_on_from(t_us, p_enu)
             self.shift_enu = self.shift_enu - step
             return 0.0
-        return self._begin_anew(t_us, p_enu, step - self.shift_enu)
+        return self._restart_from_report(t_us, p_enu, step - self.shift_enu)
 
-    def _begin_anew(self, t_us: int, p_enu: FloatArray, step: FloatArray) -> float:
-        """From the reported place on; how far in metres that is from where the image was taken to be."""
+    def _restart_from_report(self, t_us: int, p_enu: FloatArray, step: FloatArray) -> float:
+        """Start from the reported position; return how far, in metres, that is from where the image was taken to be."""
         self._go_on_from(t_us, p_enu)
         self.shift_enu, self._unsure_us = np.zeros(3), 0
         return float(np.hypot(step[0], step[1]))

@@ -14,7 +14,7 @@ from assoc.records import Identities
 from mavlink.state import FleetState
 
 _OF_THE_NAME = ("confidence", "residual_m", "position_age_s", "projection", "topology", "fused")
-_DOUBTED_MOST = 0.75
+_MAX_DOUBTED = 0.75
 """Confidence in a name whose vehicle doubts its own position: it rests on what was seen before."""
 
 
@@ -31,17 +31,17 @@ def limit_doubted(identities: Identities | None, state: FleetState, threshold: f
     doubtful = [vehicle.system_id for vehicle in state.vehicles[1:] if vehicle.doubted_for]
     if identities is None or not doubtful:
         return identities
-    limit = np.where(np.isin(identities.system_id, doubtful), max(_DOUBTED_MOST, threshold), 1.0)
+    limit = np.where(np.isin(identities.system_id, doubtful), max(_MAX_DOUBTED, threshold), 1.0)
     confidence = np.minimum(identities.confidence, limit)
     over, rows = identities.confidence - confidence, identities.candidates
     own = rows.system_id == identities.system_id[:, None]
-    told = replace(
+    limited = replace(
         rows,
         confidence=np.where(own, confidence[:, None], rows.confidence),
         none_of_ours=rows.none_of_ours + over,
     )
     doubt = np.where(over > 0.0, AnswerDoubt.OWN_WORD, identities.doubt)
-    return replace(identities, confidence=confidence, candidates=told, doubt=doubt)
+    return replace(identities, confidence=confidence, candidates=limited, doubt=doubt)
 
 
 def withhold_names(
@@ -50,12 +50,6 @@ def withhold_names(
     """Identities without contested and contradicted names; without any while it is the UAV's own id that is contested.
 
     Evidence from before a second sender came may be from either of the two.
-
-    Args:
-        identities: as found.
-        state: who is contested.
-        contradicted: vehicles that get no name until their reports fit the video again.
-        left: tracks that may be these: without a name they are no strangers.
     """
     kept_back = [*state.contested, *contradicted]
     if identities is None or not kept_back:

@@ -12,12 +12,7 @@ from gcs.snapshot import NAMED, Snapshot, VehicleRow
 
 
 def with_elsewhere(snapshot: Snapshot, others: Iterable[tuple[str, Snapshot]]) -> Snapshot:
-    """A camera's snapshot with what others see.
-
-    Args:
-        snapshot: of the camera.
-        others: name of each other camera's aircraft, and its newest snapshot.
-    """
+    """A camera's snapshot with what others see."""
     elsewhere: dict[int, tuple[str, ...]] = {}
     aircraft, footprints = list[VehicleRow](), list[NDArray[np.float64]]()
     for name, theirs in others:

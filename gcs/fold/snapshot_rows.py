@@ -22,7 +22,7 @@ from mavlink.geodesy import LocalFrame
 from mavlink.state import FleetState
 from vision.camera.camera import ground
 from vision.detect.detections import Detections
-from vision.track.parts import Wholes
+from vision.track.parts import JoinedBoxes
 from vision.track.tracks import Tracks
 
 FloatArray = NDArray[np.float64]
@@ -35,7 +35,7 @@ EVIDENCE = (
 
 def boxes_of(
     detections: Detections,
-    wholes: Wholes,
+    joined: JoinedBoxes,
     tracks: Tracks,
     identities: Identities | None,
     vehicle_uv: dict[int, FloatArray],
@@ -54,7 +54,7 @@ def boxes_of(
 
     Args:
         detections: Of this frame.
-        wholes: The same with the parts of vehicles put together, which tracks took.
+        joined: The same with the parts of vehicles put together, which tracks took.
         tracks: After this frame.
         identities: In the order of the tracks, None without a camera pose.
         vehicle_uv: Pixel (2,) of each vehicle's reported place by system id.
@@ -68,7 +68,7 @@ def boxes_of(
     """
     places = _places(detections)
     # the last entry answers for -1, unseen
-    taken, others = (np.append(of, -1)[tracks.detection] for of in (wholes.first, wholes.second))
+    taken, others = (np.append(of, -1)[tracks.detection] for of in (joined.first, joined.second))
     rows = _tracked(tracks, taken.tolist(), places, identities)
     for row in rows:
         name = row.get("system_id", 0)

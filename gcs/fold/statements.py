@@ -17,22 +17,24 @@ from mavlink.state import FleetState, Level
 from vision.track.tracks import Tracks
 
 CONTRADICTED_US = 3_000_000
-"""A statement is withdrawn once another answer has been sure for so long: doubts about neighbours pass in a second."""
+"""Time for which another answer must have been sure to withdraw a statement: doubts about neighbours pass in a
+second."""
 HOLE_US, HOLE_STEPS = 1_000_000, 2
-"""After so long without a frame, and so many times the interval before, it is counted anew."""
+"""Gap after which a contradiction is counted again: this long without a frame, and this many times the interval
+before."""
 
 
 LATE_FRAMES = 30
-"""A recorded statement is about a place in the image: a replay that begins later does not know which box was there."""
+"""Age beyond which a recorded statement is not used: a replay that begins later does not know which box was there."""
 
 
 @dataclass(slots=True)
-class _Standing:
-    """A statement that holds."""
+class _ActiveStatement:
+    """Statement that holds."""
 
     made: Statement
     contradicted_us: int = 0
-    """Since when it is, 0 while it is not."""
+    """Time since which the statement is contradicted, 0 while it is not."""
 
 
 class Statements:
@@ -44,10 +46,10 @@ class Statements:
     def __init__(self, mission: Mission) -> None:
         self.mission = mission
         self._waiting: deque[Statement] = deque()
-        self._standing: dict[int, _Standing] = {}
+        self._standing: dict[int, _ActiveStatement] = {}
         self._reviewed_us = self._step_us = 0
         self._recorded_as: dict[int, int] = {}
-        """This fold's track by the recording's."""
+        """Track of this fold by the recording's."""
 
     @property
     def by_track(self) -> dict[int, int]:
@@ -65,20 +67,13 @@ class Statements:
         self._waiting.append(statement)
 
     def count_again(self, identifier: Identifier) -> None:
-        """Give all that stand to an identifier that begins anew; those about who was left out end."""
+        """Give all that stand to an identifier that starts again; those about who was left out end."""
         self._standing = {track: each for track, each in self._standing.items() if self._is_about_ours(each.made)}
         for track, standing in self._standing.items():
             identifier.state(track, standing.made.system_id)
 
     def apply(self, t_us: int, frame: int, tracks: Tracks, identifier: Identifier) -> list[Event]:
-        """Let what waits count from this frame on.
-
-        Args:
-            t_us: the frame's time.
-            frame: its number.
-            tracks: after it.
-            identifier: takes the evidence.
-        """
+        """Let what waits count from this frame on."""
         events: list[Event] = []
         while self._waiting and self._waiting[0].frame <= frame:
             asked = self._waiting.popleft()
@@ -100,7 +95,7 @@ class Statements:
             made = replace(asked, track_id=track, frame=frame, cx=cx, cy=cy)
             events += self._replace_others(t_us, made, identifier)
             self._standing.pop(track, None)  # the last in order is the latest
-            self._standing[track] = _Standing(made)
+            self._standing[track] = _ActiveStatement(made)
             identifier.state(track, made.system_id)
             events.append(_event(t_us, "info", self._words(made), made.system_id, made))
         return events

@@ -14,7 +14,7 @@ class AlarmSpan:
     """An alarm from when it came until it went."""
 
     alarm: Alarm
-    """In the words of its highest level."""
+    """Alarm in the words of its highest level."""
     until_us: int
 
 

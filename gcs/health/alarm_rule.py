@@ -12,24 +12,24 @@ from mavlink.state import Level
 CLEARS_AFTER_S = 3.0
 """Seconds after its last sign until an alarm is over: what is gone for a moment only is not reported twice."""
 GROWING_S = 10.0
-"""A counter that should not grow counts as growing for so long after it grew: long enough to be seen."""
+"""A counter that should not grow counts as growing for this long after it grew: long enough to be seen."""
 
 Subject = TypeVar("Subject")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AlarmRule(Generic[Subject]):
-    """One alarm that each vehicle, two vehicles together, each link, or the station may have.
+    """One alarm that a vehicle, a pair of vehicles, a link or the station may have.
 
-    Its functions take that of which it is (a row of the fleet table, a pair of them, a link, the health of the station)
-    and the snapshot that it is part of. Either ``condition`` or ``counter`` is given.
+    Its functions take the subject (a row of the fleet table, a pair of rows, a link, the health of the station) and the
+    snapshot that it is part of. Either ``condition`` or ``counter`` is given.
     """
 
     key: str
     """Together with whose alarm it is, the key of the alarm. Rules of one key are levels of one alarm."""
     level: Level
     kind: str
-    """Kind, as an event's."""
+    """Kind of the alarm, as an event's."""
     text: str
     """Text of what is wrong; on the screen after the name of the vehicle or the link."""
     meaning: str
@@ -43,19 +43,20 @@ class AlarmRule(Generic[Subject]):
     detail: Callable[[Subject, Snapshot], str] | None = None
     """Reason or figure, put after the text."""
     vehicles: Callable[[Subject, Snapshot], Sequence[int]] | None = None
-    """System ids of all that it is about, where it is not one vehicle's."""
+    """System ids of all vehicles that it is about, where it is not one vehicle's."""
     on_and_off: str = ""
     """Text when it keeps coming back; empty: ``again and again`` and the text."""
     each_detail: bool = False
     """True if each detail is an alarm of its own."""
     kept_while: Callable[[Subject, Snapshot], bool] | None = None
-    """While this holds, an alarm that was raised before is not over, and none is raised."""
+    """Condition under which an alarm that was raised before is not over; it raises none."""
     doubts_name: bool = False
-    """Nobody is to act on the vehicle's name meanwhile: it does not count as confirmed."""
+    """True if nobody is to act on the vehicle's name meanwhile: it does not count as confirmed."""
     lasts_s: float = 0.0
-    """It must last so long to be raised."""
+    """Time for which the condition must last to raise the alarm."""
     clears_after_s: float = CLEARS_AFTER_S
-    """It must be gone so long to be over. 0 where what is asked holds on to it after its last sign already."""
+    """Time for which the condition must be gone to end the alarm. 0 where ``condition`` itself holds on after its last
+    sign."""
     logged_by: str = ""
-    """Module that writes the lines of the event log on it, with addresses or file names that the alarm does not have;
-    empty: the alarm's own coming and going is logged."""
+    """Module that logs this alarm's events, with addresses or file names that the alarm does not have; empty: its own
+    coming and going is logged."""

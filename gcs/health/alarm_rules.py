@@ -18,12 +18,19 @@ from gcs.snapshot import Snapshot
 Rules = Iterable[AlarmRule[Any]]
 AGAIN = "again and again:"
 ON_AND_OFF = " on and off"
-"""At the end of the key of what keeps coming back."""
+"""Ending of the key of an alarm that keeps coming back."""
+_WORKED_OUT = frozenset(
+    {
+        *("unheard", "video", "video clock", "camera heading", "camera pitch", "camera mirrored"),
+        *("no match", "match not known", "views differ"),
+    }
+)
+"""Keys of the station's alarms that packets and frames alone raise."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Finding:
-    """Finding of one rule for one vehicle, for two, for one link, or for the station."""
+    """Result of one rule for one vehicle, for two, for one link, or for the station."""
 
     rule: AlarmRule[Any]
     key: str
@@ -33,7 +40,7 @@ class Finding:
     detail: str
     system_id: int = 0
     vehicles: tuple[int, ...] = ()
-    """All that it is about, where it is not one vehicle's."""
+    """System ids of all that it is about, where it is not one vehicle's."""
     count: int | None = None
     """Value of a counter that should not grow; None: the rule's condition holds."""
     raises: bool = True
@@ -66,18 +73,9 @@ class ReportedAlarm:
 
     rule: AlarmRule[Any]
     key: str
-    """The same whenever it is reported: that of the alarm; by its words alone, pairs have their names in it."""
+    """Key of the alarm, the same whenever it is reported; by its words alone, pairs have their names in it."""
     worked_out: bool
-    """True if packets and frames alone raise it: then a recording raises it again."""
-
-
-_WORKED_OUT = frozenset(
-    {
-        *("unheard", "video", "video clock", "camera heading", "camera pitch", "camera mirrored"),
-        *("no match", "match not known", "views differ"),
-    }
-)
-"""Names of the station's alarms that are worked out."""
+    """True if packets and frames alone raise it, so that a replay of a recording raises it again."""
 
 
 def _tables(system_id: int) -> tuple[Rules, ...]:
@@ -104,7 +102,7 @@ def alarm_of_key(key: str, level: str, system_id: int) -> ReportedAlarm | None:
 
 @lru_cache(maxsize=4096)
 def reported_alarm(text: str, kind: str, system_id: int) -> ReportedAlarm | None:
-    """The alarm that an event of an older recording reports, by its words; None: this program words none like that."""
+    """The alarm that an event of an older recording reports, by its words; None: no rule has these words."""
     best: tuple[int, ReportedAlarm] | None = None
     for rules in _tables(system_id):
         for rule in rules:

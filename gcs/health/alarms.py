@@ -22,16 +22,32 @@ from gcs.health.alarm_rules import Finding, findings
 from gcs.snapshot import Alarm, Event, Snapshot
 from mavlink.state import ARMING_FAILURES, Level
 
-MOST_TEXTS = 6
+MAX_TEXTS = 6
 """Different texts of one vehicle that are alarms of their own; further ones share one."""
 GONE_US = 60_000_000
-"""An acknowledged text is over when it was not repeated for so long: autopilots repeat what still holds every 30 s."""
+"""An acknowledged text is over when it was not repeated for this long: autopilots repeat what still holds every 30
+s."""
 ADVICE = "these are the vehicle's own words, not this program's: check the vehicle; acknowledged, it goes"
+WORST_US = round(CLEARS_AFTER_S * 1e6)
+"""An alarm has its higher level for this long after that was last found."""
+GROWING_US = round(GROWING_S * 1e6)
+LATELY_US = 300_000_000
+"""Time over which the returns of a trouble are counted, µs."""
+BREAK_US = 500_000
+"""Shortest break: what was gone for less has not come again."""
+FLAPS, MAX_COUNTED = 3, 1_000
+"""Number of times from which on an alarm counts as coming and going, and the most that are counted."""
+STAYS_US = 10_000_000
+"""Time after which coming and going is an alarm of its own as well."""
+MINUTES_FROM_S = 90.0
+MAX_DOUBLINGS = 4
+"""Most doublings of the time that what comes and goes must be gone, one for every time it came."""
+_RANK: Final[dict[Level, int]] = {"info": 0, "warning": 1, "alarm": 2}
 
 
 @dataclass(slots=True)
 class _Text:
-    """Texts of one vehicle."""
+    """Text of one vehicle that is not over yet."""
 
     event: Event
     """The first, or of those that share an alarm the newest."""
@@ -96,29 +112,12 @@ class TextAlarms:
     def _has_room(self, whose: str) -> bool:
         """Tell whether a vehicle may have one more alarm of its own; the oldest that was seen makes room."""
         own = [key for key in self._texts if key.startswith(whose) and key != whose]
-        if len(own) < MOST_TEXTS:
+        if len(own) < MAX_TEXTS:
             return True
         oldest = next((key for key in own if self._texts[key].seen), None)
         if oldest is not None:
             del self._texts[oldest]
         return oldest is not None
-
-
-WORST_US = round(CLEARS_AFTER_S * 1e6)
-"""An alarm has its higher level for so long after that was last found."""
-GROWING_US = round(GROWING_S * 1e6)
-LATELY_US = 300_000_000
-"""Time over which the returns of a trouble are counted, µs."""
-BREAK_US = 500_000
-"""Shortest break: what was gone for less has not come again."""
-FLAPS, MOST_COUNTED = 3, 1_000
-"""From so many times on it comes and goes."""
-STAYS_US = 10_000_000
-"""Time after which coming and going is an alarm of its own as well."""
-MINUTES_FROM_S = 90.0
-MOST_DOUBLINGS = 4
-"""Most doublings of the time that what comes and goes must be gone, one for every time it came."""
-_RANK: Final[dict[Level, int]] = {"info": 0, "warning": 1, "alarm": 2}
 
 
 def rank(level: Level) -> int:
@@ -138,29 +137,29 @@ def urgency(alarm: Alarm) -> tuple[int, bool, bool, bool, int, str]:
 
 @dataclass(slots=True)
 class _State:
-    """One trouble of one thing."""
+    """State of one alarm of one subject."""
 
     finding: Finding
     first_us: int
-    """Since when it has been found without a break, 0 while it is not."""
+    """Time since which it has been found without a break, 0 while it is not."""
     seen_us: int
     worst_us: int
     """Time at which it was last found at the level it has."""
     found_us: int = 0
     """Time at which it was last found at any level."""
     lower_us: int = 0
-    """Since when it has been found at a lower level only, 0 while it is not."""
+    """Time since which it has been found at a lower level only, 0 while it is not."""
     raised_us: int = 0
     """Time at which it became an alarm, 0 not yet."""
     coming: bool = True
-    """It has come, and not lasted yet."""
-    came: deque[int] = field(default_factory=lambda: deque(maxlen=MOST_COUNTED))
+    """True if it has come, and not lasted yet."""
+    came: deque[int] = field(default_factory=lambda: deque(maxlen=MAX_COUNTED))
     """Times at which it came, lately."""
     flapping_us: int = 0
     """Time at which it became one that comes and goes, 0 while it is none."""
 
     def note_coming(self, now_us: int) -> bool:
-        """It lasts; whether it has come, and so often lately that it comes and goes."""
+        """Note that it lasts; return whether it has come, and often enough lately to come and go."""
         if not self.coming:
             return False
         self.coming = False
@@ -175,7 +174,7 @@ class _State:
 
     def is_calm(self, now_us: int) -> bool:
         """Tell whether what came and went has been gone for long enough."""
-        return now_us - self.seen_us >= WORST_US << min(len(self.came), MOST_DOUBLINGS)
+        return now_us - self.seen_us >= WORST_US << min(len(self.came), MAX_DOUBLINGS)
 
     def flapping(self) -> Finding:
         """Finding about what comes and goes: how often it came, in how long."""
@@ -223,8 +222,8 @@ class Alarms:
         return tuple(raised), tuple(events)
 
     def _grows(self, key: str, count: int, now_us: int) -> bool:
-        """Notes a counter; whether it has grown lately."""
-        # a count that is lower has begun anew, with the process that counts
+        """Note a counter; whether it has grown lately."""
+        # a count that is lower has started again, with the process that counts
         if count != self._counts.get(key, 0):
             self._grown_us[key] = now_us
         self._counts[key] = count
@@ -299,7 +298,7 @@ def _come(finding: Finding, now_us: int) -> list[Event]:
 
 
 def _over(finding: Finding, lasted_us: int, now_us: int) -> list[Event]:
-    lasted_s = max(round(lasted_us * 1e-6), 1)  # what was told was there
+    lasted_s = max(round(lasted_us * 1e-6), 1)  # what was reported was there
     return _logged(finding, now_us, "info", f"over after {lasted_s} s: {finding.text}", over=True)
 
 

@@ -10,21 +10,23 @@ from gcs.health.vehicle_alarms import answers
 from gcs.snapshot import Snapshot, VehicleRow
 
 OLD_S = 30.0
-"""Reports of batteries and receivers come once in ten seconds over slow radios; older ones raise no alarm."""
+"""Age from which on a report raises no alarm: over slow radios those of batteries and receivers come once in ten
+seconds."""
 SAG_S = 5.0
-"""Voltage sags while a motor starts, and receivers lose satellites under a tree."""
+"""Time for which a value has to be low: voltage sags while a motor starts, and receivers lose satellites under a
+tree."""
 EMPTY = 0.5
-"""Share of the mission's limit: below it the charge is an alarm."""
+"""Share of the mission's limit below which the charge is an alarm."""
 CHARGE_BACK = 0.05
-"""A charge must be so much above its limit for the alarm to be over: monitors that filter voltage wander."""
+"""Charge above its limit from which on the alarm is over: monitors that filter voltage wander."""
 HDOP_BACK = 0.8
-"""Share of the mission's limit."""
+"""Share of the mission's limit below which HDOP is good again."""
 NO_FIX_S = 10.0
-"""A receiver that was hidden finds its satellites again in this time."""
+"""Time for which a fix has to be missing: a receiver that was hidden finds its satellites again by then."""
 CHECKS_S = 10.0
-"""Sensors settle in this time after a start."""
+"""Time for which checks have to fail: sensors settle by then after a start."""
 OVER_S = 1.0
-"""A position may be beyond a fence for so long without an alarm: a few reports of a receiver."""
+"""Time for which a position has to be beyond a fence: a few reports of a receiver."""
 INSIDE_M = 1.0
 """Distance on the right side from which a vehicle has come back."""
 _BAD = ("critical", "emergency", "failed", "unhealthy")

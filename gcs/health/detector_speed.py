@@ -22,7 +22,7 @@ MEASURED_S = 0.6
 HALF_VIEW = math.tan(math.radians(32.5))
 """Half a frame's width over the height, of a usual lens that looks straight down."""
 STEP_US = 400_000
-"""From one frame to the next by the film's clock: no vehicle that reports is to be unseen for longer."""
+"""Time from one frame to the next by the video's clock: no vehicle that reports is to be unseen for longer."""
 REPORTS = 48
 
 

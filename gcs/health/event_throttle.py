@@ -13,9 +13,9 @@ from gcs.snapshot import Event
 from infra.reporting import TokenBucket
 
 BURST, RATE_HZ = 20.0, 2.0
-"""Notices that one sender may make of one kind at once, and a second for ever after."""
+"""Notices of one kind that one sender may make at once, and each second from then on."""
 SUM_UP_US = 1_000_000
-MOST_SENDERS, MOST_TEXTS = 600, 16
+MAX_SENDERS, MAX_TEXTS = 600, 16
 
 
 class _SenderEvents:
@@ -35,11 +35,11 @@ class _SenderEvents:
         self.since_us = self.since_us if self.held else event.t_us
         self.held += 1
         event = replace(event, t_us=self.since_us)
-        if event in self.most or len(self.most) < MOST_TEXTS:
+        if event in self.most or len(self.most) < MAX_TEXTS:
             self.most[event] += 1
 
     def sum_up(self, t_us: int) -> Event:
-        """One event for all that were held."""
+        """Sum up all events that were held in one."""
         event, number = self.most.most_common(1)[0]
         text = f"{event.text} × {number}"
         if number < self.held:
@@ -78,7 +78,7 @@ class EventThrottle:
         key = (event.system_id, event.kind)
         sender = self._senders.get(key)
         if sender is None:
-            if len(self._senders) >= MOST_SENDERS:
+            if len(self._senders) >= MAX_SENDERS:
                 del self._senders[min(self._senders, key=lambda k: self._senders[k].bucket.last_s)]
             sender = self._senders[key] = _SenderEvents(event.t_us)
         return sender

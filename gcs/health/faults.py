@@ -18,13 +18,13 @@ _log = logging.getLogger(__name__)
 
 LASTING = 20
 """Number of faults of one job in a row that mean that it does not work any more."""
-MOST_KEPT = 100
+MAX_KEPT = 100
 _WAIT_S = 0.2
-"""For a traceback to be written; on a disk that hangs it is written later."""
+"""Time that a traceback may take to be written, s; on a disk that hangs it is written later."""
 
 
 class Faults:
-    """Faults in a flight's jobs; its methods may be called from any thread.
+    """Log of faults in a flight's jobs; its methods may be called from any thread.
 
     Args:
         path: where tracebacks go, each place in the program once; made with the first.
@@ -51,19 +51,19 @@ class Faults:
         self.last = conceal(f"{job}: {type(error).__name__}: {error}")
         frames = traceback.extract_tb(error.__traceback__)
         place = (frames[-1].filename, frames[-1].lineno or 0) if frames else ("", 0)
-        if place not in self._kept and len(self._kept) < MOST_KEPT:
+        if place not in self._kept and len(self._kept) < MAX_KEPT:
             self._kept.add(place)
             _log.error("fault while %s", job, exc_info=error)
             self._write_traceback(job, error)
 
     def turn_failed(self, job: str, error: Exception) -> None:
-        """A turn of a job that is repeated failed."""
+        """Note that a turn of a job that is repeated failed."""
         self.record(job, error)
         times, _ = self._failing.get(job, (0, ""))
         self._failing[job] = times + 1, self.last
 
     def turn_succeeded(self, job: str) -> None:
-        """A turn of a job succeeded."""
+        """Note that a turn of a job succeeded."""
         self._failing.pop(job, None)
 
     @property

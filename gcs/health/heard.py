@@ -19,7 +19,7 @@ def is_heard(row: VehicleRow | VehicleStatus) -> bool:
 
 
 def refused_because(row: VehicleRow | VehicleStatus) -> str:
-    """Why packets or positions of it were not accepted so far, in words; empty where none was refused."""
+    """Return why packets or positions of it were not accepted so far, in words; empty where none was refused."""
     if row.contested:
         return "several senders use its system id"
     if not math.isnan(row.held_s):

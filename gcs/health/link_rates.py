@@ -8,8 +8,8 @@ from dataclasses import replace
 from gcs.snapshot import Health, LinkHealth
 
 WINDOW_S = 5.0
-LEAST_S = 1.0
-"""Shorter spans give no rate."""
+MIN_S = 1.0
+"""Shortest span that gives a rate, s."""
 
 
 class LinkRates:
@@ -19,7 +19,7 @@ class LinkRates:
         self._seen: deque[tuple[float, Health]] = deque()
 
     def with_rates(self, t_us: int, health: Health) -> Health:
-        """The same health with rates.
+        """Return the health with rates.
 
         Args:
             t_us: now, Unix µs.
@@ -28,9 +28,9 @@ class LinkRates:
         if not health.links:
             return health
         now_s = t_us * 1e-6
-        if self._seen and now_s < self._seen[-1][0] - LEAST_S:
+        if self._seen and now_s < self._seen[-1][0] - MIN_S:
             self._seen.clear()
-        if not self._seen or now_s >= self._seen[-1][0] + LEAST_S:
+        if not self._seen or now_s >= self._seen[-1][0] + MIN_S:
             self._seen.append((now_s, health))
         while now_s - self._seen[0][0] > WINDOW_S:
             self._seen.popleft()
@@ -41,7 +41,7 @@ class LinkRates:
 
 def _rated(link: LinkHealth, before: tuple[LinkHealth, ...], span_s: float) -> LinkHealth:
     then = next((each for each in before if each.name == link.name), None)
-    if then is None or span_s < LEAST_S or link.packets < then.packets:
+    if then is None or span_s < MIN_S or link.packets < then.packets:
         return link
     return replace(
         link,

@@ -20,7 +20,7 @@ from gcs.health.preflight import Check, Verdict
 from gcs.health.station_alarms import FULL_BYTES, LOW_BYTES
 from mavlink.errors import LinkError
 from mavlink.links.kinds import open_link
-from mavlink.links.udp import LEAST_BUFFER_BYTES
+from mavlink.links.udp import MIN_BUFFER_BYTES
 from vision.detect.detector import Detector, open_detector
 from vision.detect.turns import in_turns
 
@@ -30,13 +30,13 @@ PORTS = (14550, 14551)
 """Ports that ground stations listen on by custom, and that this one forwards to in the examples."""
 SLOW_FPS, LIVE_FPS = 5.0, 15.0
 """Frames a second: below the first, names come late; from the second on most cameras are kept up with."""
-LEAST_FPS = 2.0
+MIN_FPS = 2.0
 """Looks a second at a camera that is not on show."""
 CAMERA_DELAY = "not measured here, see docs/operations.md; a flight shows its estimate from 0.1 s on"
 _TIME_ERROR = 5
 """Answer of adjtimex(2) while the clock is not synchronised."""
 _TIMEX_BYTES = 512
-"""More than struct timex has on any architecture; its first field, 0, asks without setting."""
+"""Size of a buffer, larger than struct timex on any architecture; its first field, 0, asks without setting."""
 
 
 def checks(
@@ -119,12 +119,12 @@ def carried(fps: float, cameras: int) -> Check:
         fps: frames that it looks at in a second.
         cameras: that are to be flown at once.
     """
-    most = 1 + max(int((fps - SLOW_FPS) / LEAST_FPS), 0)
+    most = 1 + max(int((fps - SLOW_FPS) / MIN_FPS), 0)
     few = f"{cameras} are to be flown: the others are looked at too rarely; leave some out, or choose a smaller model"
     return Check(
         name="cameras",
         verdict="short" if most < cameras else "ok",
-        found=f"{most} at once by the detector's speed: {SLOW_FPS:g} looks/s at the one on show, {LEAST_FPS:g} at each "
+        found=f"{most} at once by the detector's speed: {SLOW_FPS:g} looks/s at the one on show, {MIN_FPS:g} at each "
         "other one",
         advice=few if most < cameras else "",
     )
@@ -166,13 +166,13 @@ def _receive_buffer() -> Check:
         most = int(limit.read_text())
     except (OSError, ValueError):
         return Check(name="receive buffer", verdict="ok", found="the system does not report its limit")
-    if most >= LEAST_BUFFER_BYTES or os.geteuid() == 0:
+    if most >= MIN_BUFFER_BYTES or os.geteuid() == 0:
         return Check(name="receive buffer", verdict="ok", found=f"{most / 2**20:.1f} MiB allowed to programs")
     return Check(
         name="receive buffer",
         verdict="short",
         found=f"{most / 2**20:.1f} MiB allowed: a pause of the machine can cost packets",
-        advice=f"sudo sysctl net.core.rmem_max={LEAST_BUFFER_BYTES}",
+        advice=f"sudo sysctl net.core.rmem_max={MIN_BUFFER_BYTES}",
     )
 
 

@@ -47,10 +47,7 @@ class Check:
 def preflight(now: Snapshot, rates: Sequence[Rate]) -> tuple[Check, ...]:
     """Go through what the flight needs: every vehicle, the video, the camera, what the station has.
 
-    What is an alarm is told with the alarm's words and advice.
-
-    Args:
-        rates: how often messages come, as they are measured.
+    An alarm is listed with its own words and advice.
     """
     health = now.health
     station = [_of_alarm("station", alarm) for alarm in now.alarms if not _is_of_a_vehicle(alarm, now)]

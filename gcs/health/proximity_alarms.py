@@ -12,9 +12,9 @@ from gcs.health.alarm_rule import AlarmRule
 from gcs.snapshot import Snapshot, VehicleRow
 
 NEAR_S = 1.0
-"""A few reports of both."""
+"""Time, s, for which two have to be near: a few reports of both."""
 APART = 1.2
-"""Factor of the mission's limit: so far apart they are no longer near."""
+"""Factor of the mission's limit from which on two vehicles are no longer near."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -33,10 +33,11 @@ TURNED_DEG, TILTED_DEG = 45.0, 8.0
 TURNED_STD_DEG, TURNED_FOR_S = 4.0, 5.0
 """1σ up to which such an error is known, and how long it must be found: an estimate may leap while little is seen."""
 FIT, NO_FIT, NO_FIT_FOR_S = 0.9, 0.0025, 2.0
-"""Above the first probability video and telemetry belong together, below the second they do not; a moment's cover of
-the camera is no news. With no evidence it is 0.05."""
+"""Probability above which video and telemetry belong together, and the one below which they do not; the time covers a
+camera hidden for a moment. With no evidence it is 0.05."""
 NOT_KNOWN, NOT_KNOWN_FOR_S = 0.5, 10.0
-"""Below this probability nothing is named; for so long that need not be said: who drives is known within 5 s."""
+"""Probability below which nothing is named, and the time for which that need not be said: who drives is known within 5
+s."""
 DIFFER_FOR_S = 2.0
 """A name that one of two cameras corrects is no contradiction."""
 FEW_FPS = 1.0
@@ -46,19 +47,19 @@ CLOCK_STEP = "clock step"
 STEP_S = 0.5
 """A time service slews what is less."""
 STALLED_S = 1.0
-"""A disk that has not answered for so long hangs: a busy one answers within some tenths."""
+"""A disk that has not answered for this long hangs: a busy one answers within some tenths."""
 LOW_BYTES, LOW_S = 2_000_000_000, 600.0
 """Half an hour of video at 8 Mbit/s; ten minutes are enough to make room, or to land."""
 FULL_BYTES, FULL_S = 200_000_000, 120.0
 """A tenth of it; two minutes are enough to end what is being done."""
-MOST_NAMES = 4
-"""In one line of text."""
+MAX_NAMES = 4
+"""Most names in one line of text."""
 
 
 def first_of(names: Sequence[str]) -> str:
     """``a, b, c, d and 16 more``."""
-    more = f" and {len(names) - MOST_NAMES} more" if len(names) > MOST_NAMES else ""
-    return ", ".join(names[:MOST_NAMES]) + more
+    more = f" and {len(names) - MAX_NAMES} more" if len(names) > MAX_NAMES else ""
+    return ", ".join(names[:MAX_NAMES]) + more
 
 
 def _never_received(now: Snapshot) -> list[VehicleRow]:

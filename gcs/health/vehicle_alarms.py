@@ -16,15 +16,15 @@ NO_HEARTBEAT_S = 10.0
 SPEAKS_S = 1.5
 """A vehicle whose heartbeat is no older sends: what does not come is missing."""
 UNSTEADY_S = 1.0
-"""Positions may be stale, or be rejected, for so long without an alarm: radios hold them up."""
+"""Time for which positions may be stale, or be rejected, without an alarm: radios hold them up."""
 BACK_S = 3.0
-"""A vehicle that is back sends heartbeats before positions, which may take so long."""
+"""Time from the first heartbeats of a vehicle that is back to its positions."""
 NO_POSITION_S = 10.0
 """A receiver that knows the satellites finds its position in this time."""
 NO_ATTITUDE_S = 3.0
 """Seconds without attitude: as long as a position takes to be lost."""
 HELD_S = 3.0
-"""Within this a vehicle that sends its time once a second has proved that its packets are new."""
+"""Time within which a vehicle that sends its time once a second has proved that its packets are new."""
 CLOCK_FAULT_S = 5.0
 """A clock that was set a moment ago is still in messages that were made before."""
 LOSS_S = 5.0
@@ -35,11 +35,11 @@ two, and is stale between them."""
 CONTRADICTED, DOUBTED = "its position contradicts the video", "it doubts its own position"
 """The sentences of screens, events, candidates and exports alike."""
 APART_M, APART_STDS, APART_S = 8.0, 3.0, 1.0
-"""A vehicle's box may be so far from its position, beyond so many times its receiver's 1σ, for so long: biases wander
-by some metres, and boxes are next to each other."""
+"""Distance of a vehicle's box from its position, metres, and in its receiver's 1σ, that may last no longer than this:
+biases wander by some metres, and boxes are next to each other."""
 LEFT_S, FITS_S = 2.0, 2.0
-"""For so long a vehicle without a name must report to be far from the box that it was; and for so long one that was
-contradicted must be at its box again: a tracker may exchange two boxes, and a wrong position passes others."""
+"""Time for which a vehicle without a name must report to be far from the box that it was, and time for which one that
+was contradicted must be at its box again: a tracker may exchange two boxes, and a wrong position passes others."""
 FOLLOWED_S = 1.5
 """Frames that are farther apart follow nobody: what was which box before the gap proves nothing behind it."""
 

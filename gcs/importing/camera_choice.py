@@ -41,9 +41,9 @@ class ChosenCamera:
     """A camera and where its numbers are from."""
 
     camera: Camera
-    """Without numbers where nothing tells the field of view."""
+    """Camera, without numbers where nothing tells the field of view."""
     optics: str
-    """In words, where the field of view is from."""
+    """Source of the field of view, in words."""
     direction: str
     assumed: tuple[str, ...] = ()
     looks_known: bool = True
@@ -131,8 +131,8 @@ def _intrinsics(film: ImportedFilm, uav: VehicleLog | None, options: CameraOptio
     if known is None or not known.shows_all(*size):
         there = [f"its container says {film.model}"] if film.model else []
         there += [uav.view.source] if uav is not None and uav.view.source else []
-        said = f" ({'; '.join(there)})" if there else ""
-        return None, f"nothing tells its field of view{said}: {_SEARCHED}; else --fov, --camera or --lens"
+        words = f" ({'; '.join(there)})" if there else ""
+        return None, f"nothing tells its field of view{words}: {_SEARCHED}; else --fov, --camera or --lens"
     hfov_deg = known.hfov_deg
     return _of_width(size, math.radians(hfov_deg)), f"{hfov_deg:.1f}° of {known.name}, by the video: {known.source}"
 
@@ -153,29 +153,29 @@ def _direction(
     uav: VehicleLog | None, options: CameraOptions
 ) -> tuple[Literal["stabilized", "fixed", "gimbal"], float, str, tuple[str, ...], VehicleLog | None]:
     """Mount, its pitch in degrees, where that is from, what was assumed, and the log."""
-    told, pitch_deg = options.mount, _STRAIGHT_DOWN_DEG if options.pitch_deg is None else options.pitch_deg
+    mount, pitch_deg = options.mount, _STRAIGHT_DOWN_DEG if options.pitch_deg is None else options.pitch_deg
     if uav is None:
-        said = "as the UAV's gimbal reports in the telemetry"
-        return told or "gimbal", pitch_deg, f"{said}, else {_pitch_words(options, pitch_deg)}", (), uav
+        words = "as the UAV's gimbal reports in the telemetry"
+        return mount or "gimbal", pitch_deg, f"{words}, else {_pitch_words(options, pitch_deg)}", (), uav
     gimbal = uav.gimbal
-    if told in (None, "gimbal") and options.pitch_deg is None and len(gimbal):
+    if mount in (None, "gimbal") and options.pitch_deg is None and len(gimbal):
         whole = bool(np.isfinite(gimbal.angles).all(axis=1).any())
         if whole and (gimbal.yaw_from == "nose") <= bool(len(uav.attitudes)):
             if len(uav.attitudes):
                 return "gimbal", pitch_deg, "gimbal's angles in the log", (), uav
             level = gimbal.angles * np.array([0.0, 0.0, 1.0])
             uav = replace(uav, attitudes=AngleTrack(t_us=gimbal.t_us, angles=level))
-            level_said = "the UAV is level and its nose is where the gimbal looks: only the gimbal's angles count"
-            return "gimbal", pitch_deg, "gimbal's angles in the log", (level_said,), uav
+            level_words = "the UAV is level and its nose is where the gimbal looks: only the gimbal's angles count"
+            return "gimbal", pitch_deg, "gimbal's angles in the log", (level_words,), uav
         pitch = gimbal.angles[:, 1][np.isfinite(gimbal.angles[:, 1])]
         if len(pitch):
             middle_deg = math.degrees(float(np.median(pitch)))
             turned = np.ptp(pitch) > _TURNS
             kept = ("the gimbal keeps its pitch: it turns, but the heading is not known, so it is not followed",)
-            said = f"{middle_deg:.1f}°, the gimbal's pitch in the log; its heading is not known"
-            return told or "stabilized", max(-90.0, min(90.0, middle_deg)), said, kept if turned else (), uav
+            words = f"{middle_deg:.1f}°, the gimbal's pitch in the log; its heading is not known"
+            return mount or "stabilized", max(-90.0, min(90.0, middle_deg)), words, kept if turned else (), uav
     assumed: tuple[str, ...] = () if options.pitch_deg is not None else (_DOWN,)
-    return told or "stabilized", pitch_deg, _pitch_words(options, pitch_deg), assumed, uav
+    return mount or "stabilized", pitch_deg, _pitch_words(options, pitch_deg), assumed, uav
 
 
 def _pitch_words(options: CameraOptions, pitch_deg: float) -> str:

@@ -47,21 +47,26 @@ Floats = NDArray[np.float64]
 
 SPAN_US = 60_000_000
 """Span of the film that is looked at at once: a minute tells an offset within hours, more costs more."""
-MOST_SPANS = 3
+MAX_SPANS = 3
 POSE_US = 200_000
 """Interval between two poses of the camera."""
 LATE_US = 400_000
-"""Reports come so late; a pose is taken once those after it are there."""
+"""Delay with which reports may come; a pose is taken once those after it are there."""
 ABOUT_US = 30_000_000
-"""The UAV's records are followed from so long before a film whose place in them is known."""
+"""Margin before and after the film within which the UAV's records are followed, if their place in it is known."""
 HEIGHTS_DIFFER_M = 6.0
 """Difference of the ground by take-off and by the fleet's altitudes from which on both are tried, m."""
 HEIGHT_STD_M = 2.0
-LEAST_HEIGHT_M = 3.0
-"""A UAV lower than this does not film."""
+MIN_HEIGHT_M = 3.0
+"""Least height from which a UAV films, m."""
 HEIGHTS_M, HEIGHTS_SHARE = (12.0, 18.0, 27.0, 40.0, 60.0, 90.0, 130.0), 0.2
 """Heights of a UAV above the ground that are tried where nothing but altitudes tells it, and 1σ as a share."""
 LONGEST_TEXT_S = 1e7
+"""Offset from which on no bounds are written, s: the user gave none."""
+EVERY_US = 240_000
+"""Interval between two frames that are looked at: a vehicle moves by less than its own length."""
+_FOCALS = (0.71, 1.07, 0.45, 1.69)
+"""Focal lengths in widths of the picture, the likeliest first: 70°, 50°, 96° and 33° across."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -100,13 +105,13 @@ class FleetClock:
     evidence: float
     """ln ratio that the film shows this fleet at that offset, to that it shows something else, nats."""
     runner_up_s: float
-    """The offset that comes next, NaN none."""
+    """Second best offset, s, NaN none."""
     runner_up_evidence: float
-    """Likewise, NaN none."""
+    """Evidence of the second best offset, nats, NaN none."""
 
     @property
-    def said(self) -> str:
-        """In words."""
+    def clock_source(self) -> str:
+        """Words on how the offset was found."""
         text = f"{self.ahead_s:+.2f} s, found by how the fleet fits the film, evidence {self.evidence:.0f}"
         if not np.isfinite(self.runner_up_s):
             return text
@@ -123,7 +128,7 @@ def film_spans(times_us: Ints) -> list[tuple[int, int]]:
     if last - first <= 1.5 * SPAN_US:
         return [(first, last)]
     middles = [first + round(share * (last - first)) for share in (0.5, 0.25, 0.75)]
-    starts = [int(np.clip(middle - SPAN_US // 2, first, last - SPAN_US)) for middle in middles[:MOST_SPANS]]
+    starts = [int(np.clip(middle - SPAN_US // 2, first, last - SPAN_US)) for middle in middles[:MAX_SPANS]]
     return [(start, start + SPAN_US) for start in starts]
 
 
@@ -145,7 +150,7 @@ def find_fleet_clock(
         if found is None:
             continue
         if found.verdict is ClockVerdict.FOUND and found.best is not None:
-            return _told(found.best, found.runner_up)
+            return _clock_of(found.best, found.runner_up)
         if refused is None or _evidence(found) > _evidence(refused):
             refused = found
     raise ImportFileError(f"{where}: {_reason(refused, bounds_s)}")
@@ -155,7 +160,7 @@ def _evidence(found: ClockSearch) -> float:
     return found.best.evidence if found.best is not None else -np.inf
 
 
-def _told(best: OffsetFit, runner_up: OffsetFit | None) -> FleetClock:
+def _clock_of(best: OffsetFit, runner_up: OffsetFit | None) -> FleetClock:
     return FleetClock(
         ahead_s=best.offset_s,
         std_s=best.std_s,
@@ -166,7 +171,7 @@ def _told(best: OffsetFit, runner_up: OffsetFit | None) -> FleetClock:
 
 
 def _reason(found: ClockSearch | None, bounds_s: tuple[float, float]) -> str:
-    """Why there is no offset, and what to do."""
+    """Return why there is no offset, and what to do."""
     low, high = bounds_s
     within = "" if max(-low, high) > LONGEST_TEXT_S else f" between {low:+g} and {high:+g} s"
     if found is None or found.best is None:
@@ -206,7 +211,7 @@ def _searches(boxes: FilmBoxes, logs: FilmedFleetLogs, bounds_s: tuple[float, fl
     elif np.isfinite(fleet_z) and abs(fleet_z - home_z) > HEIGHTS_DIFFER_M:
         grounds.append((fleet_z, HEIGHT_STD_M))
     for ground_z, std_m in grounds:
-        if highest - ground_z > LEAST_HEIGHT_M:
+        if highest - ground_z > MIN_HEIGHT_M:
             path = _path(views, start_us, ground_z, std_m, lens)
             yield find_clock(tracks, path, fleet, bounds_s, camera_too=logs.uav_with_fleet)
 
@@ -297,12 +302,6 @@ def _fleet_log(fleet: Mapping[int, PlaceTrack], frame: LocalFrame, start_us: int
     return log, float(np.median(heights)) if len(heights) else float("nan")
 
 
-EVERY_US = 240_000
-"""Interval between two frames that are looked at: a vehicle moves by less than its own length."""
-_FOCALS = (0.71, 1.07, 0.45, 1.69)
-"""Focal lengths in widths of the picture, the likeliest first: 70°, 50°, 96° and 33° across."""
-
-
 def boxes_of_spans(path: Path, film_us: int, choice: DetectorChoice) -> Iterator[FilmBoxes]:
     """Boxes of the parts of a film that tell its clock, each looked at when it is asked for.
 
@@ -378,11 +377,16 @@ def searched_times(
         logs, found = _found(spans, replace(logs, mission=last), bounds_s, where, either=either)
     ahead_us = round(found.ahead_s * 1e6)
     uav_us = times.uav_shift_us + (0 if logs.uav_with_fleet else ahead_us)
-    return replace(times, film_us=start_us + ahead_us, uav_shift_us=uav_us, said=f"{times.said}, {found.said}")
+    return replace(
+        times,
+        film_us=start_us + ahead_us,
+        uav_shift_us=uav_us,
+        clock_source=f"{times.clock_source}, {found.clock_source}",
+    )
 
 
 def _missions(mission: Mission, size: tuple[int, int]) -> list[Mission]:
-    """The mission, and where nothing describes its camera's lens the same with each field of view that one may have.
+    """The mission; where nothing describes its camera's lens, also with each field of view that one may have.
 
     An offset is found with a focal length up to a quarter too short or a third too long.
     """

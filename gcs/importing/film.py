@@ -19,18 +19,18 @@ from vision.video.frame_index import film_stream, first_picture, open_video
 from vision.video.video import VideoFile
 
 _MODEL_TAGS = ("encoder", "model", "com.apple.quicktime.model", "com.android.model")
-_MOST_WORDS = 60
+_MAX_WORDS = 60
 _HDR = {16: "PQ", 18: "HLG"}
 """Transfer characteristics of ITU-T H.273 that stand for more than a screen shows."""
 _SLANT_DEG = 3
 """Largest turn of a picture that is rounding."""
-_LEAST_YEAR = 2005
+_MIN_YEAR = 2005
 """Cameras whose clock was never set begin in 1904, 1970 or 2000."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ImportedFilm:
-    """A video file."""
+    """Video file to be imported."""
 
     path: Path
     elapsed_us: NDArray[np.int64]
@@ -40,9 +40,9 @@ class ImportedFilm:
     aspect: float = 1.0
     """Width of a pixel by its height, as coded: pictures are shown drawn out by it."""
     shown_as: str = ""
-    """In words, how its pictures are shown otherwise than they are coded; empty as coded."""
+    """Difference in words between how its pictures are shown and how they are coded; empty as coded."""
     assumed: tuple[str, ...] = ()
-    """In words, what its pictures are taken for that they are not."""
+    """Assumptions about its pictures, in words."""
     created_us: int
     """Unix µs as the container has it, 0 unknown."""
     model: str
@@ -71,7 +71,7 @@ def open_film(path: Path) -> ImportedFilm:
         shown_as=shown_as,
         assumed=_taken_for(path, transfer, others, elapsed_us),
         created_us=_unix_us(tags.get("creation_time", "")),
-        model=plain(next((tags[name] for name in _MODEL_TAGS if name in tags), ""))[:_MOST_WORDS],
+        model=plain(next((tags[name] for name in _MODEL_TAGS if name in tags), ""))[:_MAX_WORDS],
     )
 
 
@@ -100,4 +100,4 @@ def _unix_us(text: str) -> int:
     except ValueError:
         return 0
     when = when if when.tzinfo else when.replace(tzinfo=UTC)
-    return round(when.timestamp() * 1e6) if when.year >= _LEAST_YEAR else 0
+    return round(when.timestamp() * 1e6) if when.year >= _MIN_YEAR else 0

@@ -27,9 +27,9 @@ _FIX_3D = 3
 _UNKNOWN_MM = 0xFFFFFFFF
 _UNKNOWN_SPEED = 32767
 _UNKNOWN_HEADING = 36000
-_MOST_SPEED = 1.25
+_MAX_SPEED = 1.25
 _STEP_US = 80_000
-"""A recorder's clock that was set by more is told."""
+"""Least step of a recorder's clock that is reported."""
 _SAME_STEP_S, _SAME_SHARE, _SAME_STEP_US = 1.0, 0.25, 10_000_000
 """Steps that two vehicles' clocks show are one if they are as large as each other and as close; gains likewise."""
 _GAIN, _GAINED_S = 1e-3, 0.1
@@ -51,27 +51,28 @@ class FleetTlog:
     """System ids by their heartbeats, ascending."""
     ground: tuple[int, ...]
     clock: str
-    """In words, whose clock ``t_us`` is, and what shows that it is that of the flight."""
+    """Sentence on whose clock ``t_us`` is, and what shows that it is that of the flight."""
     tracks: Mapping[int, PlaceTrack]
     """Places of the vehicles, by system id, by arrival, Unix µs."""
     about_clock: tuple[str, ...] = ()
-    """In words, about the recorder's clock."""
+    """Sentence about the recorder's clock."""
     judged: Mapping[int, RowTimes] = field(default_factory=lambda: MappingProxyType({}))
-    """Judgement of the vehicles' times and places, by system id: what tells no path is in the log all the same."""
+    """Times and positions of the vehicles as checked, by system id; rows that are on no path stay in the log."""
 
-    def told(self, without: Collection[int] = ()) -> tuple[str, ...]:
-        """In words, with the file's name, what was assumed of its clock and of the vehicles but some."""
+    def assumptions(self, without: Collection[int] = ()) -> tuple[str, ...]:
+        """Return sentences on what was assumed of the log's clock and of all vehicles but some, with the file's
+        name."""
         name = self.tlog.path.name
         of_vehicles = (
-            f"{name}, system {i}: {said}"
+            f"{name}, system {i}: {text}"
             for i, judged in self.judged.items()
             if i not in without
-            for said in (*judged.assumed, *place_words(self.tracks[i], "utc")[0])
+            for text in (*judged.assumed, *place_words(self.tracks[i], "utc")[0])
         )
-        return (*(f"{name}: {said}" for said in self.about_clock), *of_vehicles)
+        return (*(f"{name}: {text}" for text in self.about_clock), *of_vehicles)
 
     def skipped(self, of: Collection[int]) -> dict[str, int]:
-        """Positions of some vehicles that tell no path, by reason, and damaged bytes."""
+        """Count the positions of some vehicles that are on no path, by reason, and damaged bytes."""
         damaged = sum(damage.stop - damage.start for damage in self.tlog.index.damage)
         found = Counter({"damaged bytes": damaged} if damaged else {})
         for system_id in self.judged.keys() & set(of):
@@ -94,7 +95,7 @@ class FleetTlog:
         return rows[mine], wire[mine]
 
     def columns(self, message_id: int, system_id: int) -> tuple[Ints, NDArray[np.void]]:
-        """Times and columns of the same."""
+        """Times and columns of the rows of :meth:`rows`."""
         rows, wire = self.rows(message_id, system_id)
         return self.t_us[rows], wire
 
@@ -143,7 +144,7 @@ def open_fleet(path: Path) -> FleetTlog:
 
 
 def _with_tracks(fleet: FleetTlog) -> FleetTlog:
-    """With the places of all vehicles.
+    """Return the log with the positions of all vehicles.
 
     Raises:
         ImportFileError: a vehicle's times are of no clock.
@@ -199,14 +200,14 @@ def _on_one_clock(tlog: Tlog) -> tuple[Ints, str, tuple[str, ...]]:
     if not known:
         return t_us, "that of the station that recorded it; no vehicle's tells whether it is right", ()
     most = max(known, key=lambda clock: clock.samples)
-    if not 1.0 / _MOST_SPEED < most.speed < _MOST_SPEED:
+    if not 1.0 / _MAX_SPEED < most.speed < _MAX_SPEED:
         raise ImportFileError(
             f"{tlog.path}: the vehicles' clocks run {most.speed:.2g} times as fast as the stamps, which are therefore "
             "not the times of the flight; give the log that was recorded in it"
         )
     alone = len({each.system_id for each in known}) == 1
     whose = "the recorder's clock" + f", or that of system {most.system_id}," * alone
-    ahead_us, said = np.zeros_like(t_us), list[str]()
+    ahead_us, text = np.zeros_like(t_us), list[str]()
     for step in most.steps:
         same = [
             other
@@ -220,7 +221,7 @@ def _on_one_clock(tlog: Tlog) -> tuple[Ints, str, tuple[str, ...]]:
         # the vehicle that reports first after it tells the place best
         first = min(same, key=lambda other: other.row)
         ahead_us[first.row :] += round(step.by_s * 1e6)
-        said.append(f"{whose} was set by {step.by_s:+.2f} s at byte {first.offset}")
+        text.append(f"{whose} was set by {step.by_s:+.2f} s at byte {first.offset}")
     beside = f"the clock of system {most.system_id} runs {most.speed:.4f} times as fast"
     clock = f"that of the station that recorded it: {beside}"
     gains = [each for each in known if abs(each.gain - most.gain) < _SAME_SHARE * abs(most.gain)]
@@ -229,17 +230,17 @@ def _on_one_clock(tlog: Tlog) -> tuple[Ints, str, tuple[str, ...]]:
         run = f"{abs(most.gain):.2%} {'faster' if most.gain > 0.0 else 'slower'}"
         apart = f"they drift apart by {abs(most.gained_s):.2f} s"
         drifts = (f"its stamps run {run} than the vehicles' clocks: {apart}",)
-    if not said:
+    if not text:
         return t_us, clock, drifts
     values, counts = np.unique(ahead_us, return_counts=True)
     kept_us = values[np.argmax(counts)]
     begins = int(tlog.index.offset[np.argmax(ahead_us == kept_us)])
-    words = f"{', '.join(said)}: all times are on the clock that it has from byte {begins} on"
+    words = f"{', '.join(text)}: all times are on the clock that it has from byte {begins} on"
     return t_us - ahead_us + kept_us, clock, (words, *drifts)
 
 
 def _without_stamps(tlog: Tlog) -> tuple[Ints, str, tuple[str, ...]]:
-    """Works as ``_on_one_clock``, of a log that a station wrote as it received it, ``.rlog`` or ``.raw``.
+    """Return the same as ``_on_one_clock`` for a log that a station wrote as it received it, ``.rlog`` or ``.raw``.
 
     Raises:
         ImportFileError: no vehicle tells the date.
@@ -250,8 +251,8 @@ def _without_stamps(tlog: Tlog) -> tuple[Ints, str, tuple[str, ...]]:
             f"{tlog.path}: its records have no time stamps, and no vehicle tells the date (SYSTEM_TIME); give the "
             ".tlog of the same flight"
         )
-    said = "no time stamps in it: times are by the vehicles' own clocks (SYSTEM_TIME)"
-    return t_us, "the vehicles' own, by the dates that they tell", (said,)
+    text = "no time stamps in it: times are by the vehicles' own clocks (SYSTEM_TIME)"
+    return t_us, "the vehicles' own, by the dates that they tell", (text,)
 
 
 def read_tlog_vehicles(path: Path) -> list[VehicleLog]:

@@ -1,4 +1,4 @@
-"""The ground vehicles of a flight, from whichever files tell of them, on one time line."""
+"""The ground vehicles of a flight, from all files that have some, on one time line."""
 
 from __future__ import annotations
 
@@ -21,26 +21,26 @@ LAST_ID = 255
 _SEARCHES = ((3_000_000, 20_000), (20_000_000, 50_000))
 """Reaches of searches either way and their steps, µs; leap seconds are within the second one."""
 _LEAP_US = 18_000_000
-_LEAST_AHEAD_US = 100_000
-_LEAST_SHARED, _MOST_SHARED, _LEAST_WAY_M = 10, 1000, 5.0
-"""Fewer positions, or of a vehicle that hardly moved, tell no offset."""
+_MIN_AHEAD_US = 100_000
+_MIN_SHARED, _MAX_SHARED, _MIN_WAY_M = 10, 1000, 5.0
+"""Least and most positions that are compared, and the least way of the vehicle: less tells no offset."""
 _CLEARLY, _ON_EACH_OTHER_M = 2.0, 1.0
-"""An offset counts if with it the paths are so many times closer, and this close: else it is another vehicle's."""
+"""An offset counts if with it the paths are this many times closer, and this close: else it is another vehicle's."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class GroundVehicles:
-    """The fleet."""
+    """Ground vehicles of the fleet, from their files."""
 
     places: Mapping[int, PlaceTrack]
     """Vehicles by system id, on Unix time, each with a position or more."""
     tlog: FleetTlog | None
-    """Their telemetry log, where there is one."""
+    """Telemetry log of the ground vehicles, where there is one."""
     logs: Mapping[int, VehicleLog]
-    """Those that are in no telemetry log, by system id."""
+    """Logs of the vehicles that are in no telemetry log, by system id."""
 
-    told: tuple[str, ...] = ()
-    """In words, what one of them says against another."""
+    contradictions: tuple[str, ...] = ()
+    """Sentences on what one file says against another."""
 
     @property
     def span_us(self) -> tuple[int, int]:
@@ -58,9 +58,9 @@ class GroundVehicles:
     @property
     def assumed(self) -> tuple[str, ...]:
         """Assumptions about them, with the file where there is one for each."""
-        of_tlog = self.tlog.told(without=self.logs) if self.tlog is not None else ()
+        of_tlog = self.tlog.assumptions(without=self.logs) if self.tlog is not None else ()
         of_logs = (f"{log.source}: {words}" for log in self.logs.values() for words in log.notes.assumed)
-        return (*of_tlog, *of_logs, *self.told)
+        return (*of_tlog, *of_logs, *self.contradictions)
 
     @property
     def middle(self) -> tuple[float, float]:
@@ -81,7 +81,7 @@ class GroundVehicles:
         return self.tlog.aircraft if self.tlog is not None else ()
 
     def streams(self) -> list[Iterable[TlogRecord]]:
-        """Their records, each stream in order of time."""
+        """Records of the ground vehicles, each stream in order of time."""
         streams: list[Iterable[TlogRecord]] = []
         if self.tlog is not None:
             streams.append(self.tlog.records(without=self.logs))
@@ -119,8 +119,10 @@ def read_ground_vehicles(tlog: Path | None, ugv: Sequence[str]) -> GroundVehicle
     if not places:
         raise ImportFileError(f"{tlog}: no ground vehicle reports a position in it")
     tracks = {} if fleet is None else fleet.tracks
-    told = tuple(words for i, log in logs.items() if i in tracks for words in clock_words(log, tracks[i]))
-    return GroundVehicles(places=dict(sorted(places.items())), tlog=fleet, logs=dict(sorted(logs.items())), told=told)
+    contradictions = tuple(words for i, log in logs.items() if i in tracks for words in clock_words(log, tracks[i]))
+    return GroundVehicles(
+        places=dict(sorted(places.items())), tlog=fleet, logs=dict(sorted(logs.items())), contradictions=contradictions
+    )
 
 
 def clock_words(log: VehicleLog, telemetry: PlaceTrack) -> tuple[str, ...]:
@@ -135,18 +137,18 @@ def clock_words(log: VehicleLog, telemetry: PlaceTrack) -> tuple[str, ...]:
     for search_us, step_us in _SEARCHES:
         first_us, last_us = int(log.places.t_us[0]) + search_us, int(log.places.t_us[-1]) - search_us
         rows = np.flatnonzero((telemetry.t_us > first_us) & (telemetry.t_us < last_us))
-        shared = telemetry.select(rows[:: len(rows) // _MOST_SHARED + 1])
+        shared = telemetry.select(rows[:: len(rows) // _MAX_SHARED + 1])
         half = np.arange(len(shared)) < len(shared) // 2
         offsets = np.arange(-search_us, search_us + 1, step_us)
         parts = [_lead(log.places, shared.select(half), offsets), _lead(log.places, shared.select(~half), offsets)]
-        if abs(parts[1].ahead_us - parts[0].ahead_us) >= _LEAST_AHEAD_US and all(each.known for each in parts):
+        if abs(parts[1].ahead_us - parts[0].ahead_us) >= _MIN_AHEAD_US and all(each.known for each in parts):
             first_s, second_s = (each.ahead_us * 1e-6 for each in parts)
             return (
                 f"{log.source}: its clock runs otherwise than the telemetry of the same vehicle: it is "
                 f"{first_s:+.2f} s ahead in the first half and {second_s:+.2f} s in the second; the log counts",
             )
         whole = _lead(log.places, shared, offsets)
-        if whole.known and abs(whole.ahead_us) < _LEAST_AHEAD_US:
+        if whole.known and abs(whole.ahead_us) < _MIN_AHEAD_US:
             return ()  # farther off a lap would fit as well
         if whole.known:
             leap = abs(abs(whole.ahead_us) - _LEAP_US) < _LEAP_US // 30
@@ -168,18 +170,18 @@ class _Lead:
 
     @property
     def known(self) -> bool:
-        """True if they do, and with it alone where it is one."""
-        apart = abs(self.ahead_us) < _LEAST_AHEAD_US or self.now_m >= _CLEARLY * self.then_m
+        """True if the paths are on each other with that offset, and, where it is not 0, with it alone."""
+        apart = abs(self.ahead_us) < _MIN_AHEAD_US or self.now_m >= _CLEARLY * self.then_m
         return self.then_m <= _ON_EACH_OTHER_M and apart
 
 
 def _lead(path: PlaceTrack, shared: PlaceTrack, offsets: NDArray[np.int64]) -> _Lead:
     """Lead of a path over another one, among some offsets, µs; infinite distances where that one hardly moves."""
-    if len(shared) < _LEAST_SHARED:
+    if len(shared) < _MIN_SHARED:
         return _Lead()
     at_m = metres(np.column_stack([np.r_[path.lat_deg, shared.lat_deg], np.r_[path.lon_deg, shared.lon_deg]]))
     path_m, wanted_m = at_m[: len(path)], at_m[len(path) :]
-    if np.ptp(wanted_m, axis=0).max() < _LEAST_WAY_M:
+    if np.ptp(wanted_m, axis=0).max() < _MIN_WAY_M:
         return _Lead()
 
     def apart_m(ahead_us: int) -> float:
@@ -195,13 +197,13 @@ def _numbered(word: str) -> list[tuple[int, VehicleLog]]:
     """System ids and logs of one ``--ugv``."""
     number, _, name = word.partition("=")
     numbered = number.isascii() and number.isdecimal() and bool(name)
-    told = int(number) if numbered and len(number) <= 3 else 0
-    if told > LAST_ID or (numbered and not told):
+    given_id = int(number) if numbered and len(number) <= 3 else 0
+    if given_id > LAST_ID or (numbered and not given_id):
         raise ImportFileError(f"--ugv {word}: a system id is 1 to {LAST_ID}")
-    logs = read_vehicle_logs(Path(name if told else word))
-    if told and len(logs) > 1:
+    logs = read_vehicle_logs(Path(name if given_id else word))
+    if given_id and len(logs) > 1:
         raise ImportFileError(f"--ugv {word}: {len(logs)} vehicles are in it; give it without the id")
-    found = [(told or log.system_id, log) for log in logs]
+    found = [(given_id or log.system_id, log) for log in logs]
     for system_id, log in found:
         if not system_id:
             raise ImportFileError(f"--ugv {word}: {log.source} has no system id; give it as --ugv ID={Path(word).name}")

@@ -20,7 +20,7 @@ from gcs.errors import ImportFileError
 from gcs.importing.camera_choice import CameraOptions, ChosenCamera, choose_camera, mast_camera
 from gcs.importing.checks.row_times import gaps
 from gcs.importing.checks.side_by_side import above_fleet, fleet_words, height_words, uav_words
-from gcs.importing.clock_choice import LEAST_HEIGHT_M, searched_times
+from gcs.importing.clock_choice import MIN_HEIGHT_M, searched_times
 from gcs.importing.film import ImportedFilm, open_film
 from gcs.importing.film_log import read_film_log
 from gcs.importing.ground_vehicles import LAST_ID, GroundVehicles, clock_words, read_ground_vehicles
@@ -36,7 +36,7 @@ from gcs.session.session import VIDEO_SUFFIXES
 from infra.session_format import FRAMES, LOG, METADATA, VIEW_FOLDER
 from sim.session import new_session, write_frames
 
-_MOST_GAPS = 100
+_MAX_GAPS = 100
 _OF_A_FILM = frozenset({"video", "uav", "attitude", "camera", "direction", "clock"})
 """Subjects and roles that each film of a flight has its own of."""
 _CLOCKS = {
@@ -45,11 +45,14 @@ _CLOCKS = {
     "utc": "Unix time as it stands in the file",
     "own": "one of its own, of which no date is known",
 }
+_TIME = struct.Struct(">Q")
+_OTHER_NAMES = {".m2ts": ".ts", ".mts": ".ts", ".m4v": ".mp4", ".lrf": ".mp4"}
+"""Suffixes of containers that are the same under another name."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SourceAccount:
-    """Account of a file."""
+    """Account of one imported file."""
 
     role: str
     """Role of the file, such as ``uav`` or ``ugv 11``."""
@@ -61,13 +64,13 @@ class SourceAccount:
     left_out: Mapping[str, int] = field(default_factory=lambda: MappingProxyType({}))
     """Number of records, by reason."""
     spans: Mapping[str, tuple[tuple[float, float], ...]] = field(default_factory=lambda: MappingProxyType({}))
-    """From and to which second of the film it tells of whom, without gaps."""
+    """Spans of the film, from and to second, by whom the source tells of; without gaps."""
 
     def table(self) -> dict[str, Any]:
         """Table of the account, for session.toml and for programs."""
-        told = {"clock": self.clock, "read": list(self.read), "assumed": list(self.assumed)}
+        notes = {"clock": self.clock, "read": list(self.read), "assumed": list(self.assumed)}
         spans = {whose: [list(span) for span in parts] for whose, parts in self.spans.items()}
-        return {"role": self.role, "name": self.name, **told, "left_out": dict(self.left_out), "spans": spans}
+        return {"role": self.role, "name": self.name, **notes, "left_out": dict(self.left_out), "spans": spans}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -82,7 +85,7 @@ class ImportReport:
     ugv_ids: tuple[int, ...] = ()
 
     def with_view(self, number: int, other: ImportReport) -> ImportReport:
-        """The same with what was found of a further film, whose fleet is that of the first."""
+        """Return the report with what was found of a further film, whose fleet is that of the first."""
         own = [(subject, text) for subject, text in other.found if subject in _OF_A_FILM]
         accounts = [replace(each, role=f"{each.role} {number}", spans={}) for each in other.sources]
         return replace(
@@ -117,9 +120,9 @@ class ImportReport:
         for what, text in import_rows(self.table()):
             yield what if what in roles else f"  {what}", text
         assumed = [(each.name, text) for each in self.sources for text in each.assumed]
-        told = roles | {text for _, text in assumed} | {f"{name}: {text}" for name, text in assumed}
-        yield from ((subject, text) for subject, text in self.found if subject not in told)
-        yield from (("assumed", text) for text in self.assumed if text not in told)
+        notes = roles | {text for _, text in assumed} | {f"{name}: {text}" for name, text in assumed}
+        yield from ((subject, text) for subject, text in self.found if subject not in notes)
+        yield from (("assumed", text) for text in self.assumed if text not in notes)
 
 
 def source_accounts(
@@ -130,7 +133,7 @@ def source_accounts(
     video = SourceAccount(
         role="video",
         name=film.path.name,
-        clock=f"its own time stamps, {length_s:.1f} s; begins {_when(timeline.film_us)} UTC by {timeline.said}",
+        clock=f"its own time stamps, {length_s:.1f} s; begins {_when(timeline.film_us)} UTC by {timeline.clock_source}",
         read=(f"{len(film.elapsed_us)} frames of {_size(film)}",),
         assumed=film.assumed,
         spans={"video": ((0.0, round(length_s, 3)),)},
@@ -144,7 +147,7 @@ def source_accounts(
         tlog = fleet.tlog
         tracks = {i: track for i, track in tlog.tracks.items() if len(track) and i not in fleet.logs}
         of_each = (f"system {i}: {_against_film(track, -timeline.film_us)}" for i, track in tracks.items())
-        notes = ImportNotes(assumed=tlog.told(without=fleet.logs), skipped=tlog.skipped(tracks))
+        notes = ImportNotes(assumed=tlog.assumptions(without=fleet.logs), skipped=tlog.skipped(tracks))
         account = _account("fleet", tlog.tlog.path.name, tlog.clock, tuple(of_each), notes)
         spans = {f"system {i}": _spans(track, -timeline.film_us) for i, track in tracks.items()}
         accounts.append(replace(account, spans=spans))
@@ -166,7 +169,7 @@ def _account(role: str, name: str, clock: str, read: tuple[str, ...], notes: Imp
 def _spans(places: PlaceTrack, shift_us: int) -> tuple[tuple[float, float], ...]:
     """Seconds of the film between gaps, of which only the longest count where there are many."""
     behind, steps = gaps(places.t_us), np.diff(places.t_us)
-    behind = np.sort(behind[np.argsort(steps[behind])[-_MOST_GAPS:]])
+    behind = np.sort(behind[np.argsort(steps[behind])[-_MAX_GAPS:]])
     t_s = np.round((places.t_us + shift_us) * 1e-6, 3)
     return tuple(zip(t_s[np.r_[0, behind + 1]].tolist(), t_s[np.r_[behind, -1]].tolist(), strict=True))
 
@@ -189,11 +192,6 @@ def _against_film(places: PlaceTrack, shift_us: int) -> str:
 
 def _when(t_us: int) -> str:
     return f"{datetime.fromtimestamp(t_us * 1e-6, UTC):%Y-%m-%d %H:%M:%S}"
-
-
-_TIME = struct.Struct(">Q")
-_OTHER_NAMES = {".m2ts": ".ts", ".mts": ".ts", ".m4v": ".mp4", ".lrf": ".mp4"}
-"""Suffixes of containers that are the same under another name."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -231,17 +229,13 @@ class FurtherFilm:
 def import_flight(out: Path, options: ImportOptions) -> ImportReport:
     """Write a session from a flight's files.
 
-    Args:
-        out: session folder, which must not exist.
-        options: which files, and what is known.
-
     Raises:
         GcsError, MavlinkError, VisionError, SimError: a file cannot be used, or they do not belong together.
     """
     if out.exists():
         raise ImportFileError(f"{out}: exists already; recordings are never overwritten, give another name")
     fleet = read_ground_vehicles(options.tlog, options.ugv)
-    fleet = replace(fleet, told=(*fleet.told, *fleet_words(fleet)))
+    fleet = replace(fleet, contradictions=(*fleet.contradictions, *fleet_words(fleet)))
     filmed = [_import_film(options, fleet)]
     for further in options.views:
         filmed.append(_import_film(further.of(options), fleet, taken=[each.uav_id for each in filmed]))
@@ -279,7 +273,7 @@ class _Filmed:
 
     @property
     def view(self) -> View:
-        """The same as a further camera."""
+        """View of the film as a further camera of the mission."""
         mission = self.mission
         system_id, name = (0, mission.uav.name) if mission.mast else (self.uav_id, "")
         return View(system_id=system_id, name=name, mast=mission.mast, camera=mission.camera, clock=mission.clock)
@@ -365,7 +359,7 @@ def _with_altitude(mast: Mast, fleet: GroundVehicles) -> Mast:
     """The mast with both of its heights, by the fleet's ground."""
     ground_m = 0.0 if np.isnan(fleet.ground_m) else fleet.ground_m
     if mast.height_m is None and mast.altitude_m is not None:
-        return replace(mast, height_m=max(mast.altitude_m - ground_m, LEAST_HEIGHT_M))
+        return replace(mast, height_m=max(mast.altitude_m - ground_m, MIN_HEIGHT_M))
     altitude_m = ground_m + (mast.height_m or 0.0) if mast.altitude_m is None else mast.altitude_m
     return replace(mast, altitude_m=altitude_m)
 
@@ -378,7 +372,7 @@ def _uav_log(options: ImportOptions, *, coarse: bool) -> tuple[VehicleLog | None
 
 
 def _uav_clock(uav: VehicleLog | None, fleet: GroundVehicles) -> list[str]:
-    """In words, where the UAV is in the telemetry too, at other times."""
+    """Return sentences on where the UAV is in the telemetry too, at other times."""
     if uav is None or uav.clock != "utc" or fleet.tlog is None:
         return []
     return [words for i in fleet.aircraft for words in clock_words(uav, fleet.tlog.places(i))]
@@ -485,7 +479,7 @@ def _report(
     assumed += fleet.assumed
     count = sum(map(len, fleet.places.values()))
     found.append(("ugv", f"{len(fleet.places)} vehicles, {count} positions"))
-    found += [("camera", chosen.optics), ("direction", chosen.direction), ("clock", timeline.said)]
+    found += [("camera", chosen.optics), ("direction", chosen.direction), ("clock", timeline.clock_source)]
     return ImportReport(
         found=tuple(found),
         assumed=tuple(dict.fromkeys(assumed)),
@@ -544,7 +538,7 @@ def _suffix(path: Path) -> str:
 
 
 def _link(source: Path, target: Path) -> None:
-    """The same file under another name; on another disk a copy."""
+    """Link the same file under another name; on another disk copy it."""
     try:
         os.link(source.resolve(), target)
     except OSError:

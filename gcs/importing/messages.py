@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from gcs.importing.checks.plausible import MOST_M
+from gcs.importing.checks.plausible import MAX_M
 from gcs.importing.vehicle_log import AngleTrack, PlaceTrack, VehicleLog, ViewTrack, thinned, whole_places
 from mavlink.geodesy import quaternion_from_euler, wrap_pi
 from mavlink.protocol.encoder import COPTER, ROVER, MavlinkEncoder
@@ -28,17 +28,17 @@ _Timed = Iterator[tuple[int, Callable[[MavlinkEncoder], bytes]]]
 """Time on the log's clock, and what packs the message."""
 
 _BOOTED_BEFORE_US = 60_000_000
-"""The clock of a vehicle begins so long before its first sample: a boot time of 0 means that there is none."""
+"""The clock of a vehicle begins this long before its first sample: a boot time of 0 means that there is none."""
 _HEARTBEAT_US, _FIX_US, _VIEW_US = 1_000_000, 500_000, 1_000_000
 """Intervals between messages of a kind."""
 _PLACE_US, _ANGLE_US = 45_000, 35_000
 """Samples closer together than this are thinned: interpolation makes up for them, and logs have hundreds a second."""
-_FASTEST, _MOST_TURN = 300.0, 1e3
+_FASTEST, _MAX_TURN = 300.0, 1e3
 """m/s and rad; more is a damaged number."""
 _UNKNOWN_COUNT, _UNKNOWN_PLACE = 255, 2**31 - 1
 _YAW_FLAGS = {"north": 64, "nose": 32}
 """GIMBAL_DEVICE_FLAGS_YAW_IN_EARTH_FRAME and _VEHICLE_FRAME."""
-_LEAST_CHANGE = 0.01
+_MIN_CHANGE = 0.01
 """Share by which a field of view changes before it is sent."""
 
 
@@ -81,19 +81,19 @@ def _places(places: PlaceTrack, boot_us: int, home_m: float, *, flies: bool) -> 
     alt = np.where(np.isfinite(places.alt_m), places.alt_m, home_m + above)
     height = np.where(np.isfinite(places.height_m), places.height_m, places.alt_m - home_m)
     with np.errstate(invalid="ignore"):
-        known = np.flatnonzero(whole_places(places.lat_deg, places.lon_deg) & (np.abs(alt) < MOST_M))
+        known = np.flatnonzero(whole_places(places.lat_deg, places.lon_deg) & (np.abs(alt) < MAX_M))
     fix_us = -_FIX_US + int(places.t_us[0]) if len(places) else 0
     for row in known[thinned(places.t_us[known], _PLACE_US)].tolist():
         t_us = int(places.t_us[row])
         boot_ms = _boot_ms(t_us, boot_us)
         place = float(places.lat_deg[row]), float(places.lon_deg[row]), float(alt[row])
-        if 0.0 < places.std_m < MOST_M and t_us - fix_us >= _FIX_US:
+        if 0.0 < places.std_m < MAX_M and t_us - fix_us >= _FIX_US:
             fix_us = t_us
             accuracy = {"satellites": _UNKNOWN_COUNT, "h_acc_m": places.std_m}
             yield t_us, partial(_gps_raw_int, boot_ms * 1000, place, accuracy)
-        up = float(height[row]) if abs(height[row]) < MOST_M else 0.0
+        up = float(height[row]) if abs(height[row]) < MAX_M else 0.0
         v_ned = [v if abs(v) < _FASTEST else math.nan for v in places.v_ned[row].tolist()]
-        heading = float(places.heading[row]) % (2.0 * math.pi) if abs(places.heading[row]) < _MOST_TURN else math.nan
+        heading = float(places.heading[row]) % (2.0 * math.pi) if abs(places.heading[row]) < _MAX_TURN else math.nan
         yield t_us, partial(_global_position, boot_ms, place, up, v_ned, heading)
 
 
@@ -131,8 +131,8 @@ def _gimbal(track: AngleTrack, boot_us: int) -> _Timed:
 
 
 def _view(track: ViewTrack, boot_us: int) -> _Timed:
-    """Only where it changes: the mission has the first one."""
-    if not len(track) or np.ptp(track.hfov) < _LEAST_CHANGE * track.hfov[0]:
+    """Write the field of view where it changes: the mission has the first one."""
+    if not len(track) or np.ptp(track.hfov) < _MIN_CHANGE * track.hfov[0]:
         return
     for row in thinned(track.t_us, _VIEW_US).tolist():
         t_us, hfov_deg = int(track.t_us[row]), math.degrees(float(track.hfov[row]))
@@ -148,7 +148,7 @@ def _pack(message: Any, encoder: MavlinkEncoder) -> bytes:  # noqa: ANN401 - the
 
 def _angles(track: AngleTrack) -> Iterator[tuple[int, float, float, float]]:
     with np.errstate(invalid="ignore"):
-        rows = np.flatnonzero((np.abs(track.angles) < _MOST_TURN).all(axis=1))
+        rows = np.flatnonzero((np.abs(track.angles) < _MAX_TURN).all(axis=1))
     for row in rows[thinned(track.t_us[rows], _ANGLE_US)].tolist():
         roll, pitch, yaw = track.angles[row].tolist()
         yield int(track.t_us[row]), roll, pitch, yaw

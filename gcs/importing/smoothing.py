@@ -6,7 +6,7 @@ Along each axis the velocity is a random walk with q m²/s³. Of positions z_k w
 
 Where positions were rounded to cells of metres there is no noise to speak of: the path is the smoothest that stays
 within them, |p_k − z_k| ≤ cell / 2, by alternating directions (ADMM: Boyd et al. 2011, doi:10.1561/2200000016, 5.2).
-When a cell is left tells more than how often it was told.
+When a cell is left tells more than how often it was reported.
 """
 
 from __future__ import annotations
@@ -26,13 +26,13 @@ Ints = NDArray[np.int64]
 ACCELERATION = 1.5
 """q in m²/s³: a multicopter or a car that changes its speed by this in a second, 1σ."""
 COARSE_CELL_M = 1.0
-"""From here on the rounding of positions is more than their noise."""
+"""Cell size from which on the rounding of positions is more than their noise."""
 ROUNDS = 200
 """Rounds of ADMM: the path is within centimetres of its end by then."""
 _STEP_US = 90_000
 """Positions closer together are thinned: a receiver has ten a second."""
 _GAP_US = 10_000_000
-"""Longer holes are not bridged."""
+"""Longest hole that is bridged."""
 _SPARSE_US, _LOST_US = 250_000, 3_000_000
 """Positions farther apart than the first are filled in; than the second, nobody knows where it was in between."""
 _DEG_M = 111_320.0
@@ -136,7 +136,7 @@ def filled_in(places: PlaceTrack) -> PlaceTrack:
     level = (level - middle) * scale
     t_s, at_s = (t - t[0]) * 1e-6, (at - t[0]) * 1e-6
     v = np.where(np.isfinite(places.v_ned[:, :2]), places.v_ned[:, :2], np.gradient(level, t_s, axis=0))
-    told = np.isfinite(places.v_ned[:, :2]).all()
+    velocity_known = np.isfinite(places.v_ned[:, :2]).all()
     path = CubicHermiteSpline(t_s, level, v)
     degrees = path(at_s) / scale + middle
     heading = at_times(at, t, places.heading, _LOST_US, turns=True)
@@ -147,7 +147,7 @@ def filled_in(places: PlaceTrack) -> PlaceTrack:
         degrees[:, 1],
         alt_m=np.interp(at_s, t_s, places.alt_m),
         height_m=np.interp(at_s, t_s, places.height_m),
-        v_ned=np.column_stack([np.where(told, path(at_s, 1), np.nan), down]),
+        v_ned=np.column_stack([np.where(velocity_known, path(at_s, 1), np.nan), down]),
         heading=heading,
         std_m=places.std_m,
     )

@@ -22,13 +22,19 @@ from gcs.importing.formats.subtitles import read_cues
 from gcs.importing.formats.text_file import LOOKED_AT, open_file
 from gcs.importing.vehicle_log import VehicleLog
 
+OTHERWISE: Final = {
+    ".kmz": "a KML in a ZIP archive: unzip it and give the .kml that is in it",
+    ".fit": "Garmin's FIT is not read: give a GPX made of it",
+}
+"""Suffixes of what is not read, and what to give instead."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LogFormat:
     """A kind of file that tells where vehicles were."""
 
     suffixes: tuple[str, ...]
-    """In lower case, the usual one first."""
+    """Endings of file names in lower case, the usual one first."""
     read: Callable[[Path], list[VehicleLog]]
     begins: Callable[[bytes], bool] = lambda _: False
     """True if the beginning of a file is one of this format, whatever its suffix; never, where no beginning tells."""
@@ -52,11 +58,6 @@ FORMATS = (
     LogFormat(suffixes=(".csv", ".tsv", ".txt"), read=read_csv),
 )
 """Tried in this order."""
-OTHERWISE: Final = {
-    ".kmz": "a KML in a ZIP archive: unzip it and give the .kml that is in it",
-    ".fit": "Garmin's FIT is not read: give a GPX made of it",
-}
-"""Suffixes of what is not read, and what to give instead."""
 
 
 def read_vehicle_logs(path: Path) -> list[VehicleLog]:

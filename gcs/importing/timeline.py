@@ -13,21 +13,21 @@ from gcs.errors import ImportFileError
 from gcs.importing.film import ImportedFilm
 from gcs.importing.vehicle_log import VehicleLog
 
-_LEAST_OVERLAP_US = 1_000_000
+_MIN_OVERLAP_US = 1_000_000
 _MOST_OF_FILM = 0.9
-"""Reports of a smaller share of the film are told."""
+"""Share of the film that a log has to cover, or its gap is reported."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FilmTimes:
-    """From the clocks of film and UAV to the fleet's."""
+    """Shifts from the clocks of film and UAV to the fleet's."""
 
     film_us: int
     """Unix µs of the film's first frame."""
     uav_shift_us: int
-    """From the clock of the UAV's log to Unix time."""
-    said: str
-    """In words, where that is from."""
+    """Shift from the clock of the UAV's log to Unix time, µs."""
+    clock_source: str
+    """Words on where the offset is from."""
     assumed: tuple[str, ...] = ()
 
 
@@ -68,30 +68,34 @@ def find_timeline(
         clock_s: by how much the fleet's clock is ahead of the film's; None: not known.
     """
     shift_us = round((clock_s or 0.0) * 1e6)
-    said = "" if clock_s is None else f", {clock_s:+g} s as given"
+    shift_text = "" if clock_s is None else f", {clock_s:+g} s as given"
     if uav is not None and uav.clock == "video":
         start_us, source = (
             (uav.zero_us, "the date beside the positions") if uav.zero_us else _of_film(film, fleet_span_us)
         )
         film_us = start_us + shift_us
-        return FilmTimes(film_us=film_us, uav_shift_us=film_us, said=source + said)
+        return FilmTimes(film_us=film_us, uav_shift_us=film_us, clock_source=source + shift_text)
     start_us, source = _of_film(film, fleet_span_us)
     if uav is None:
-        return FilmTimes(film_us=start_us + shift_us, uav_shift_us=0, said=source + said)
+        return FilmTimes(film_us=start_us + shift_us, uav_shift_us=0, clock_source=source + shift_text)
     first_us = int(uav.places.t_us[0])
     if uav.clock == "own":
         film_us = start_us + shift_us
         assumed = (f"{uav.source} knows no date: the film begins with it",)
-        return FilmTimes(film_us=film_us, uav_shift_us=film_us - first_us, said=source + said, assumed=assumed)
+        return FilmTimes(
+            film_us=film_us, uav_shift_us=film_us - first_us, clock_source=source + shift_text, assumed=assumed
+        )
     last_us = int(uav.places.t_us[-1])
     if film.created_us and first_us - film_length_us(film) < film.created_us + shift_us < last_us:
-        return FilmTimes(film_us=film.created_us + shift_us, uav_shift_us=0, said=source + said)
+        return FilmTimes(film_us=film.created_us + shift_us, uav_shift_us=0, clock_source=source + shift_text)
     assumed = ("the film begins with the UAV's log",)
-    return FilmTimes(film_us=first_us + shift_us, uav_shift_us=0, said="the UAV's log" + said, assumed=assumed)
+    return FilmTimes(
+        film_us=first_us + shift_us, uav_shift_us=0, clock_source="the UAV's log" + shift_text, assumed=assumed
+    )
 
 
 def film_length_us(film: ImportedFilm) -> int:
-    """From its first frame to its last."""
+    """Return the duration from the film's first frame to its last, µs."""
     return int(film.elapsed_us[-1])
 
 
@@ -119,12 +123,12 @@ def check_overlap(
         ImportFileError: one of them does not.
     """
     film_us = timeline.film_us, timeline.film_us + film_length_us(film)
-    taken = f"{film.path}: taken {_words(*film_us)} by {timeline.said}"
-    said = "".join(f" ({words})" for words in assumed)
+    taken = f"{film.path}: taken {_words(*film_us)} by {timeline.clock_source}"
+    assumptions = "".join(f" ({words})" for words in assumed)
     if not _overlaps(film_us, fleet_span_us):
         raise ImportFileError(
             f"{taken}, while the fleet reports {_words(*fleet_span_us)}; give by how much the fleet's clock is ahead "
-            f"of the film's: --clock +SECONDS{said}"
+            f"of the film's: --clock +SECONDS{assumptions}"
         )
     source, span_us = uav
     if not _overlaps(film_us, span_us):
@@ -146,7 +150,7 @@ def _shared_us(film_us: tuple[int, int], span_us: tuple[int, int]) -> int:
 
 
 def _overlaps(film_us: tuple[int, int], span_us: tuple[int, int]) -> bool:
-    return _shared_us(film_us, span_us) >= min(_LEAST_OVERLAP_US, film_us[1] - film_us[0])
+    return _shared_us(film_us, span_us) >= min(_MIN_OVERLAP_US, film_us[1] - film_us[0])
 
 
 def _words(first_us: int, last_us: int) -> str:

@@ -83,7 +83,7 @@ class PlaceTrack:
         return len(self.t_us)
 
     def select(self, rows: NDArray[np.bool_] | Ints) -> PlaceTrack:
-        """Some of the samples."""
+        """Return some of the samples."""
         return PlaceTrack(
             t_us=self.t_us[rows],
             lat_deg=self.lat_deg[rows],
@@ -124,14 +124,14 @@ class ViewTrack:
     hfov: Floats
     """(n,) horizontal field of view."""
     source: str = ""
-    """In words, how it is known; of an empty track, what there is that does not tell it."""
+    """Sentence on how it is known; of an empty track, what there is that does not tell it."""
 
     def __len__(self) -> int:
         return len(self.t_us)
 
     @classmethod
     def empty(cls) -> ViewTrack:
-        """Nothing known of it."""
+        """Return a track of which nothing is known."""
         return cls(t_us=np.empty(0, np.int64), hfov=np.empty(0))
 
 
@@ -155,7 +155,7 @@ class VehicleLog:
     places: PlaceTrack
     notes: ImportNotes
     dated: str = ""
-    """In words, which clock that is, where the format does not tell."""
+    """Sentence on which clock that is, where the format does not tell."""
     zero_us: int = 0
     """Unix µs of time 0 by whatever the file says of it; 0 unknown. Of clock "utc" 0 is Unix time's own."""
     system_id: int = 0

@@ -16,13 +16,14 @@ from infra.wall_clock import now_us
 TTL = 1
 """TTL of multicast datagrams: they stay on the local network."""
 CONNECT_S, SEND_S = 3.0, 2.0
-"""A server that takes longer is tried anew."""
+"""A server that takes longer is tried again."""
 REPLAYED = "s-replay"
 """``opex`` of a recording: simulation, not a live operation."""
 
 
 class _CotSink(Sink):
-    """Thins events, and dates those of a replay now: TAK's programs show nothing that is stale."""
+    """Base of Cursor-on-Target sinks: thins events, and dates those of a replay now, as TAK's programs show nothing
+    that is stale."""
 
     def __init__(self, url: SinkUrl, source: SinkSource) -> None:
         self._url, self._source = url, source
@@ -31,14 +32,14 @@ class _CotSink(Sink):
 
     @abstractmethod
     def _open(self) -> None:
-        """Opens the way out; OSError: it cannot be had now."""
+        """Open the way out; OSError: it cannot be had now."""
 
     @abstractmethod
     def _send(self, data: bytes) -> None:
-        """Sends one event; OSError: the way out is gone."""
+        """Send one event; OSError: the way out is gone."""
 
     def write(self, snapshot: Snapshot) -> None:
-        """Sends what is due; names that may change when the analysis gets there are not told."""
+        """Send what is due; names that may change when the analysis gets there are not reported."""
         if snapshot.provisional:
             return
         replayed, name = self._source.replayed, self._source.name
@@ -51,7 +52,7 @@ class _CotSink(Sink):
 
 
 class CotUdp(_CotSink):
-    """A datagram an event; whether anybody receives it is not known."""
+    """Sink that sends a datagram for each event; whether anybody receives it is not known."""
 
     def _open(self) -> None:
         self._address = socket.getaddrinfo(self._url.host, self._url.port, socket.AF_INET, socket.SOCK_DGRAM)[0][4]
@@ -68,12 +69,12 @@ class CotUdp(_CotSink):
         self._socket.sendto(data, self._address)
 
     def close(self) -> None:
-        """Closes the socket."""
+        """Close the socket."""
         self._socket.close()
 
 
 class CotTcp(_CotSink):
-    """A stream of events to a server; what that sends of others is read and forgotten."""
+    """Sink that sends a stream of events to a server; what the server sends is read and forgotten."""
 
     def _open(self) -> None:
         self._socket = self._connected()
@@ -82,7 +83,7 @@ class CotTcp(_CotSink):
         return socket.create_connection((self._url.host, self._url.port), timeout=CONNECT_S)
 
     def serve(self) -> None:
-        """Reads what the server sends, which would hold it up.
+        """Read what the server sends, which would hold it up.
 
         Raises:
             OSError: the server is gone.
@@ -99,12 +100,12 @@ class CotTcp(_CotSink):
         self._socket.sendall(data)
 
     def close(self) -> None:
-        """Ends the connection."""
+        """End the connection."""
         self._socket.close()
 
 
 class CotTls(CotTcp):
-    """The same with a server whose certificate is verified, and which verifies this station's."""
+    """Sink as ``CotTcp`` to a server whose certificate is verified, and which verifies this station's."""
 
     def _connected(self) -> socket.socket:
         options = self._url.options

@@ -56,7 +56,7 @@ class LiveEncoder:
         self._last_pts = -1
 
     def encode(self, image: NDArray[np.uint8]) -> Sequence[av.Packet[av.VideoStream]]:
-        """Encodes one picture, (height, width, 3) BGR.
+        """Encode one picture, (height, width, 3) BGR.
 
         Raises:
             FFmpegError: it cannot.

@@ -25,7 +25,7 @@ BACKLOG = 64
 
 
 class FoxgloveLive(Sink):
-    """Video is encoded only while somebody looks at it."""
+    """Sink that serves Foxglove; video is encoded only while somebody looks at it."""
 
     def __init__(self, url: SinkUrl, source: SinkSource) -> None:
         context = foxglove.Context()
@@ -33,7 +33,7 @@ class FoxgloveLive(Sink):
         self._video = channels.CompressedVideoChannel("/camera/video", context=context)
         self._encoder: LiveEncoder | None = None
         self._frame = -1
-        self._told: frozenset[str] = frozenset()
+        self._logged: frozenset[str] = frozenset()
         """Keys of the alarms that are in the log."""
         try:
             self._server = foxglove.start_server(
@@ -47,20 +47,20 @@ class FoxgloveLive(Sink):
             raise OSError(str(error).partition(": ")[2] or str(error)) from error
 
     def write(self, snapshot: Snapshot) -> None:
-        """Sends a frame; in a replay without names where those may change when the analysis gets there."""
+        """Send a frame; in a replay without names where those may change when the analysis gets there."""
         if snapshot.image is not None and snapshot.frame != self._frame and self._video.has_sinks():
             self._show(snapshot, snapshot.image)
         self._frame = snapshot.frame
         if not snapshot.provisional and snapshot.analysed:
             self._channels.write(snapshot)
             for alarm in snapshot.alarms:
-                if alarm.key not in self._told:
+                if alarm.key not in self._logged:
                     self._channels.write_words(alarm.since_us, snapshot.t_us, alarm.level, alarm.kind, alarm.text)
-            self._told = frozenset(alarm.key for alarm in snapshot.alarms)
+            self._logged = frozenset(alarm.key for alarm in snapshot.alarms)
         self.sent += 1
 
     def close(self) -> None:
-        """Ends the server."""
+        """End the server."""
         self._server.stop()
 
     def _show(self, snapshot: Snapshot, image: NDArray[np.uint8]) -> None:

@@ -28,7 +28,7 @@ _PICTURES_AT = _CURSOR_BYTES + _SLOTS * SNAPSHOT_BYTES
 
 
 class SnapshotWriter:
-    """The station's end.
+    """The station's end of the hand-over.
 
     Args:
         images: whether pictures are handed over too.
@@ -51,7 +51,7 @@ class SnapshotWriter:
         self.left_out = 0
 
     def put(self, snapshot: Snapshot) -> None:
-        """Replaces what is there."""
+        """Replace the snapshot that is there."""
         number, image = self._cursor[0] + 1, snapshot.image
         shape: tuple[int, ...] = ()
         if self._images is not None and image is not None and image.nbytes <= PICTURE_BYTES:
@@ -65,17 +65,12 @@ class SnapshotWriter:
             self.left_out += 1
 
     def close(self) -> None:
-        """Lets go of the memory; it is free when the last reader is gone."""
+        """Let go of the memory; it is free when the last reader is gone."""
         self._file.close()
 
 
 class SnapshotReader:
-    """A sink's end; it may begin at any time.
-
-    Args:
-        fd: of the writer's memory.
-        images: whether the writer hands over pictures.
-    """
+    """A sink's end of the hand-over; it may begin at any time."""
 
     def __init__(self, fd: int, *, images: bool = False) -> None:
         self._view = memoryview(map_memory(fd))

@@ -19,12 +19,12 @@ from infra.plain_text import plain
 FORMAT, VERSION = "rollcall live", 1
 DATAGRAM_BYTES = 65_507
 """The largest UDP datagram over IPv4."""
-MOST_CLIENTS = 16
+MAX_CLIENTS = 16
 MUTE_S = 5.0
-"""A client that has taken nothing for so long is dropped: it would keep another out."""
+"""A client that has taken nothing for this long is dropped: it would keep another out."""
 KERNEL_BYTES = 1 << 16
 BEHIND_BYTES = 1 << 20
-"""A client that has not taken so much is dropped: some hundred lines of a large fleet."""
+"""A client that has not taken this much is dropped: some hundred lines of a large fleet."""
 
 
 def json_line(snapshot: Snapshot, source: SinkSource) -> bytes:
@@ -73,7 +73,7 @@ def _rounded(value: float, digits: int) -> float | None:
 
 
 class JsonUdp(Sink):
-    """A datagram for each snapshot; whether anybody receives it is not known."""
+    """Sink that sends a datagram for each snapshot; whether anybody receives it is not known."""
 
     def __init__(self, url: SinkUrl, source: SinkSource) -> None:
         self._source = source
@@ -82,7 +82,7 @@ class JsonUdp(Sink):
         self._socket.setblocking(False)
 
     def write(self, snapshot: Snapshot) -> None:
-        """Sends it; one that is larger than a datagram is dropped."""
+        """Send the snapshot; one that is larger than a datagram is dropped."""
         line = json_line(snapshot, self._source)
         if len(line) > DATAGRAM_BYTES:
             self.dropped += 1
@@ -94,12 +94,13 @@ class JsonUdp(Sink):
             self.dropped += 1
 
     def close(self) -> None:
-        """Closes the socket."""
+        """Close the socket."""
         self._socket.close()
 
 
 class JsonTcp(Sink):
-    """Serves lines to all who connect; one that reads too slowly, or not at all, is dropped and may come again.
+    """Sink that serves lines to all who connect; one that reads too slowly, or not at all, is dropped and may come
+    again.
 
     Args:
         url: where to listen.
@@ -108,7 +109,7 @@ class JsonTcp(Sink):
 
     def __init__(self, url: SinkUrl, source: SinkSource, now_s: Callable[[], float] = time.monotonic) -> None:
         self._source, self._now_s = source, now_s
-        self._server = socket.create_server((url.host, url.port), backlog=MOST_CLIENTS)
+        self._server = socket.create_server((url.host, url.port), backlog=MAX_CLIENTS)
         self._server.setblocking(False)
         self._waiting: dict[socket.socket, bytearray] = {}
         """Bytes that each client has not taken yet."""
@@ -116,7 +117,7 @@ class JsonTcp(Sink):
         """Time at which each took something, or there was nothing for it to take."""
 
     def write(self, snapshot: Snapshot) -> None:
-        """Queues it for all clients."""
+        """Queue the snapshot for all clients."""
         self.serve()
         if not self._waiting:
             return
@@ -127,8 +128,8 @@ class JsonTcp(Sink):
         self.serve()
 
     def serve(self) -> None:
-        """Lets clients in, and sends what they take."""
-        while len(self._waiting) < MOST_CLIENTS:
+        """Let clients in, and send what they take."""
+        while len(self._waiting) < MAX_CLIENTS:
             try:
                 client, _ = self._server.accept()
             except OSError:  # nobody is there, or is there any more
@@ -142,7 +143,7 @@ class JsonTcp(Sink):
         self.clients = len(self._waiting)
 
     def close(self) -> None:
-        """Ends all connections."""
+        """End all connections."""
         for client in (*self._waiting, self._server):
             client.close()
 

@@ -1,4 +1,4 @@
-"""The station's side of what others are told: hands the newest snapshot over, and keeps a process for each address."""
+"""The station's side of publishing: hands the newest snapshot over, and keeps a process for each address."""
 
 from __future__ import annotations
 
@@ -24,12 +24,12 @@ LOOK_S = 0.01
 """Seconds between two looks for a newer snapshot."""
 WATCH_S = 0.2
 START_S = 30.0
-"""A process may take so long to begin on a computer that has other things to do."""
+"""A process may take this long to begin on a computer that has other things to do."""
 PATIENCE_S = 10.0
-"""Without a sign of life for so long it hangs: longer than any connection is waited for."""
+"""Time without a sign of life after which a process hangs, s: longer than any connection is waited for."""
 STOP_S = 2.0
 PAUSES_S = (0.0, 1.0, 5.0, 15.0)
-"""Before another is started; the last repeats."""
+"""Pauses before another process is started, s; the last repeats."""
 STEADY_S = 60.0
 AGAIN_S = 60.0
 """Least time between two reports of trouble with one address."""
@@ -37,7 +37,7 @@ CLOSE_S = 3.0
 
 
 class LiveOut:
-    """Tells of a station's snapshots until it is closed; nothing of it can hold the station up.
+    """Publishes a station's snapshots until it is closed; nothing of it can hold the station up.
 
     Args:
         latest: the station's newest snapshot; asked for from a thread of its own.
@@ -60,7 +60,7 @@ class LiveOut:
         self._writer = SnapshotWriter(images=images)
         self.outlets: tuple[Outlet, ...] = ()
         self._stop = threading.Event()
-        self._thread = threading.Thread(target=self._hand_over, name="telling others", daemon=True)
+        self._thread = threading.Thread(target=self._hand_over, name="publishing", daemon=True)
         try:
             for sink in sinks:
                 settings = SinkSettings(url=sink, source=source, memory=self._writer.fd, images=images)
@@ -71,7 +71,7 @@ class LiveOut:
         self._thread.start()
 
     def close(self) -> None:
-        """Ends all processes; twice does nothing."""
+        """End all processes; twice does nothing."""
         self._stop.set()
         if self._thread.is_alive():
             self._thread.join(CLOSE_S)
@@ -101,7 +101,7 @@ class LiveOut:
 
 
 class Outlet:
-    """One address and the process that tells it.
+    """One address and the process that publishes to it.
 
     Attributes:
         url: the address.
@@ -117,7 +117,7 @@ class Outlet:
         self._troubled = False
         """True if trouble was reported that is not over."""
         self.supervisor: Supervisor[ChildProcess[SinkReport]] = Supervisor(
-            f"telling {settings.url.text}",
+            f"publishing {settings.url.text}",
             start=self._start,
             begin=self._begin,
             watch=self._watch,
@@ -131,7 +131,7 @@ class Outlet:
         self.supervisor.supervise()
 
     def close(self) -> None:
-        """Ends the process."""
+        """End the process."""
         self.supervisor.stop(CLOSE_S)
 
     def _start(self) -> ChildProcess[SinkReport]:

@@ -24,7 +24,7 @@ from gcs.report.labels import Labelling
 from gcs.report.overlay import draw, image_labels
 from gcs.snapshot import Snapshot
 
-MOST_WIDTH: Final = 1920
+MAX_WIDTH: Final = 1920
 """Wider pictures are made smaller, unless another width is asked for."""
 TTL: Final = 1
 DATAGRAM_BYTES: Final = 1316
@@ -33,23 +33,23 @@ PAYLOAD_TYPE: Final = 96
 
 
 class _Picture(Sink):
-    """Draws, encodes and sends; a picture of another size begins the stream anew."""
+    """Base of video sinks: draws, encodes and sends; a picture of another size begins a new stream."""
 
     def __init__(self, url: SinkUrl, source: SinkSource) -> None:
         del source
         address = socket.getaddrinfo(url.host, url.port, socket.AF_INET, socket.SOCK_DGRAM)[0][4]
         self._target = f"{address[0]}:{url.port}"
-        self._width = int(url.options.get("width", MOST_WIDTH))
+        self._width = int(url.options.get("width", MAX_WIDTH))
         self._film: av.container.OutputContainer | None = None
         self._encoder: LiveEncoder | None = None
         self._labelling: Labelling | None = None
 
     @abstractmethod
     def _open(self) -> av.container.OutputContainer:
-        """Begins a stream."""
+        """Begin a stream."""
 
     def write(self, snapshot: Snapshot) -> None:
-        """Sends one picture; where there is no image, boxes and names on a dark one.
+        """Send one picture; where there is no image, boxes and names on a dark one.
 
         Raises:
             OSError: it was not taken.
@@ -76,7 +76,7 @@ class _Picture(Sink):
         self.sent += 1
 
     def close(self) -> None:
-        """Ends the stream."""
+        """End the stream."""
         film, self._film = self._film, None
         if film is not None:
             with contextlib.suppress(av.FFmpegError):  # what is lost is the end of a picture
@@ -84,7 +84,7 @@ class _Picture(Sink):
 
 
 class MpegTsPicture(_Picture):
-    """``udp://``."""
+    """Sink for ``udp://``: MPEG-TS."""
 
     def _open(self) -> av.container.OutputContainer:
         # tables often, so that receivers begin soon, and nothing is held back
@@ -94,7 +94,7 @@ class MpegTsPicture(_Picture):
 
 
 class RtpPicture(_Picture):
-    """``rtp://``; a receiver needs what :func:`sdp` says."""
+    """Sink for ``rtp://``; a receiver needs what :func:`sdp` says."""
 
     def _open(self) -> av.container.OutputContainer:
         return av.open(f"rtp://{self._target}?ttl={TTL}", "w", format="rtp")

@@ -13,16 +13,16 @@ from gcs.snapshot import Snapshot
 
 
 class SinkSource(msgspec.Struct, frozen=True, kw_only=True):
-    """Flight or replay that is told of."""
+    """Flight or replay whose snapshots are published."""
 
     name: str
     """The session's name."""
     replayed: bool = False
-    """It is a recording, and may have happened at any time."""
+    """True of a recording, which may have happened at any time."""
 
 
 class SinkSettings(msgspec.Struct, kw_only=True, tag=True):
-    """Station to process, once: what to tell, and where."""
+    """Settings from the station to a sink's process, once: what to publish, and where."""
 
     url: SinkUrl
     source: SinkSource
@@ -33,20 +33,20 @@ class SinkSettings(msgspec.Struct, kw_only=True, tag=True):
 
 
 class SinkReport(msgspec.Struct, kw_only=True, tag=True):
-    """Process to station, once a second: a sign of life."""
+    """Report from a sink's process to the station, once a second: a sign of life."""
 
     sent: int = 0
     """Messages or pictures that left."""
     dropped: int = 0
-    """That did not: too large, or a receiver was too slow."""
+    """Number of snapshots that were not sent: too large, or a receiver was too slow."""
     clients: int = 0
     """Clients that are being served."""
     error: str = ""
-    """Why nothing leaves at the moment, empty while it does."""
+    """Reason why nothing leaves at the moment, empty while it does."""
 
 
 class Sink(ABC):
-    """Something that tells of snapshots; it may take its time, since it has a process of its own.
+    """Destination of snapshots; it may take its time, since it has a process of its own.
 
     Attributes:
         sent, dropped, clients: as in its reports.
@@ -56,7 +56,7 @@ class Sink(ABC):
 
     @abstractmethod
     def __init__(self, url: SinkUrl, source: SinkSource) -> None:
-        """Opens it.
+        """Open the sink.
 
         Raises:
             OSError: it cannot be had now; it is tried again.
@@ -64,22 +64,22 @@ class Sink(ABC):
 
     @abstractmethod
     def write(self, snapshot: Snapshot) -> None:
-        """Tells of a snapshot.
+        """Publish a snapshot.
 
         Raises:
-            OSError: it has to be opened anew.
+            OSError: it has to be opened again.
         """
 
     def serve(self) -> None:  # noqa: B027 - most have nobody to serve
-        """Looks after those who read; called many times a second."""
+        """Look after those who read; called many times a second."""
 
     @abstractmethod
     def close(self) -> None:
-        """Ends it."""
+        """Close the sink."""
 
 
 def open_sink(url: SinkUrl, source: SinkSource) -> Sink:
-    """Opens what an address stands for.
+    """Open what an address stands for.
 
     Raises:
         OSError: it cannot be had now.

@@ -1,10 +1,10 @@
-"""Addresses to tell of a flight, taken apart and checked before anything starts.
+"""Addresses at which a flight is published, taken apart and checked before anything starts.
 
 json+udp://192.168.1.20:5005       one JSON object a datagram
 json+tcp://127.0.0.1:5006          served to whoever connects: one JSON object a line
-    foxglove://127.0.0.1:8765          served to Foxglove's viewers
-    udp://192.168.1.20:5600            the picture with names, H.264 in MPEG-TS; ?width=1280
-    rtp://192.168.1.20:5600            the same by RTP
+foxglove://127.0.0.1:8765          served to Foxglove's viewers
+udp://192.168.1.20:5600            the picture with names, H.264 in MPEG-TS; ?width=1280
+rtp://192.168.1.20:5600            the same by RTP
 """
 
 from __future__ import annotations
@@ -38,13 +38,13 @@ class SinkScheme:
     """Module in this folder and class."""
     options: tuple[str, ...] = ()
     serves: bool = False
-    """It listens at the address: others come and read."""
+    """True if the sink listens at the address: others come and read."""
     images: bool = False
     library: str = ""
     """Package it is made with that is not always installed; the extra has the same name."""
 
 
-TELL_SCHEMES = {
+PUBLISH_SCHEMES = {
     "json+udp": SinkScheme("json+udp://127.0.0.1:5005", "json_lines:JsonUdp"),
     "json+tcp": SinkScheme("json+tcp://127.0.0.1:5006", "json_lines:JsonTcp", (OPEN,), serves=True),
     "cot+udp": SinkScheme("cot+udp://239.2.3.1:6969", "cot_sinks:CotUdp", ("interface",)),
@@ -61,7 +61,7 @@ TELL_SCHEMES = {
         library="foxglove",
     ),
 }
-SHOW_SCHEMES = {
+STREAM_SCHEMES = {
     "udp": SinkScheme("udp://192.168.1.20:5600", "picture:MpegTsPicture", ("width",), images=True),
     "rtp": SinkScheme("rtp://192.168.1.20:5600", "picture:RtpPicture", ("width",), images=True),
 }
@@ -81,29 +81,30 @@ class SinkUrl:
     @property
     def kind(self) -> SinkScheme:
         """Kind that its scheme stands for."""
-        return (TELL_SCHEMES | SHOW_SCHEMES)[self.scheme]
+        return (PUBLISH_SCHEMES | STREAM_SCHEMES)[self.scheme]
 
 
-def parse_tell(url: str) -> SinkUrl:
+def parse_publish_url(url: str) -> SinkUrl:
     """An address of ``--publish``.
 
     Raises:
         GcsError: it is none; the message shows how to write one.
     """
-    return _parse("--publish", url, TELL_SCHEMES)
+    return _parse("--publish", url, PUBLISH_SCHEMES)
 
 
-def parse_show(url: str) -> SinkUrl:
+def parse_stream_url(url: str) -> SinkUrl:
     """An address of ``--stream``.
 
     Raises:
         GcsError: it is none; the message shows how to write one.
     """
-    return _parse("--stream", url, SHOW_SCHEMES)
+    return _parse("--stream", url, STREAM_SCHEMES)
 
 
-def check_apart(sinks: Iterable[SinkUrl], links: Sequence[str]) -> None:
-    """Nothing but MAVLink goes where a telemetry link or an output is: a vehicle might take it for a command's start.
+def check_separate(sinks: Iterable[SinkUrl], links: Sequence[str]) -> None:
+    """Check that nothing but MAVLink goes where a telemetry link or an output is: a vehicle might take it for a
+    command's start.
 
     Args:
         links: URLs of the flight's links and outputs, as ``mavlink.links`` writes them.

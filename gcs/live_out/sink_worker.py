@@ -1,4 +1,4 @@
-"""A sink's own process: takes the newest snapshot, tells of it, takes the next that is newest then.
+"""A sink's own process: takes the newest snapshot, publishes it, and takes the next that is newest then.
 
 Started by ``gcs.live_out.live_out``. The end of the requests means stop.
 """
@@ -21,10 +21,10 @@ _log = logging.getLogger(__name__)
 POLL_S = 0.005
 REPORT_S = 1.0
 PAUSES_S = (0.2, 0.5, 1.0, 2.0, 5.0)
-"""Before it is opened anew; the last repeats."""
+"""Pauses before the sink is opened again, s; the last repeats."""
 NICENESS = 5
 """The flight comes first where the processor is short."""
-MOST_LETTERS = 200
+MAX_LETTERS = 200
 
 
 class _SinkWorker:
@@ -41,7 +41,7 @@ class _SinkWorker:
         self._report_due_s = 0.0
 
     def run(self) -> None:
-        """Until the station ends."""
+        """Serve until the station ends."""
         try:
             while True:
                 self._turn()
@@ -63,7 +63,7 @@ class _SinkWorker:
                     self._report.error = ""
         except OSError as error:
             self._close()
-            self._report.error = plain(error.strerror or str(error) or type(error).__name__)[:MOST_LETTERS]
+            self._report.error = plain(error.strerror or str(error) or type(error).__name__)[:MAX_LETTERS]
             _log.warning("%s: %s", self._settings.url.text, self._report.error)
 
     def _tell_station(self) -> None:

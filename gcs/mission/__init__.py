@@ -1,1 +1,1 @@
-"""Who flies, with which camera and links: a mission file in, a checked Mission out."""
+"""Missions, who flies with which camera and links: a mission file in, a checked Mission out."""

@@ -1,4 +1,5 @@
-"""Where vehicles may be and where not: the mission file's ``[fence]``, or several of them as ``[[fence]]``."""
+"""Fences, inside or outside which vehicles stay: the mission file's ``[fence]``, or several of them as
+``[[fence]]``."""
 
 from __future__ import annotations
 
@@ -10,8 +11,8 @@ from msgspec import Meta
 
 Place = tuple[float, float]
 """Latitude and longitude, degrees."""
-LEAST_CORNERS = 3
-MOST_CORNERS = 1000
+MIN_CORNERS = 3
+MAX_CORNERS = 1000
 """Most corners: as many as anybody draws, and a tenth of a millisecond a frame."""
 
 
@@ -22,11 +23,11 @@ class Fence:
     name: str = "fence"
     """Name that operators use."""
     keep: Literal["in", "out"] = "in"
-    """On which side vehicles stay."""
+    """Side of the fence on which vehicles stay."""
     polygon: Annotated[
-        tuple[Place, ...], Meta(max_length=MOST_CORNERS, description="corners, each [latitude, longitude]")
+        tuple[Place, ...], Meta(max_length=MAX_CORNERS, description="corners, each [latitude, longitude]")
     ] = ()
-    """Its corners in order; the last is joined to the first."""
+    """Corners of the fence in order; the last is joined to the first."""
     centre: Place | None = None
     """Centre of a circle, instead."""
     radius_m: Annotated[float, Meta(ge=0.0, le=100_000.0)] = 0.0
@@ -42,8 +43,8 @@ class Fence:
             raise ValueError("centre needs radius_m, more than 0")
         if self.polygon and self.radius_m:
             raise ValueError("radius_m belongs to centre; leave it out")
-        if self.polygon and len(set(self.polygon)) < LEAST_CORNERS:
-            raise ValueError(f"polygon has fewer than {LEAST_CORNERS} corners")
+        if self.polygon and len(set(self.polygon)) < MIN_CORNERS:
+            raise ValueError(f"polygon has fewer than {MIN_CORNERS} corners")
         for lat_deg, lon_deg in (*self.polygon, *([self.centre] if self.centre else [])):
             if not (math.isfinite(lat_deg) and abs(lat_deg) <= 90.0 and abs(lon_deg) <= 180.0):
                 raise ValueError(f"[{lat_deg}, {lon_deg}] is no place; latitude comes first")

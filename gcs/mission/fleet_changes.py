@@ -54,13 +54,7 @@ def with_all(mission: Mission, changes: Iterable[FleetChange]) -> Mission:
 
 
 def words_of(change: FleetChange, before: Mission, after: Mission) -> str:
-    """Words for a change.
-
-    Args:
-        change: that was made.
-        before: the mission without it.
-        after: with it.
-    """
+    """Words for a change."""
     if change.what == "renamed":
         return f"{before.name_of(change.system_id)} is called {after.name_of(change.system_id)} from now on"
     if change.what == "left out":

@@ -27,7 +27,7 @@ class Mast:
     height_m: Annotated[float, Meta(ge=3.0, le=1000.0)] | None = None
     """Height of the camera above the ground that it films, metres; None unknown."""
     altitude_m: Annotated[float, Meta(ge=-500.0, le=9000.0)] | None = None
-    """The same above sea level, as the vehicles report theirs; None unknown."""
+    """Altitude of the camera above sea level, as the vehicles report theirs; None unknown."""
     heading_deg: Annotated[float, Meta(ge=-360.0, le=360.0)]
     """Direction of the camera with ``yaw_deg`` 0, clockwise from north."""
     heading_std_deg: Annotated[float, Meta(ge=0.1, le=60.0)] = _USUAL.yaw_std_deg
@@ -41,7 +41,7 @@ class Mast:
 
     @property
     def stand(self) -> Stand:
-        """The same as the fleet takes it."""
+        """Stand of the mast as the fleet takes it."""
         return Stand(
             lat_deg=self.latitude_deg,
             lon_deg=self.longitude_deg,

@@ -23,26 +23,29 @@ from gcs.mission.fence import Fence
 from gcs.mission.mast import MAST_ID, Mast, check_mount
 from infra.files.safe_open import read_small
 from infra.session_format import METADATA
-from infra.toml_tables import MOST_TOML_BYTES, build, parse_toml
+from infra.toml_tables import MAX_TOML_BYTES, build, parse_toml
 from vision.camera.intrinsics import Intrinsics
 from vision.camera.lens_file import read_lens
 from vision.errors import CameraError
 
 BUNDLED = "bundled"
-"""In place of a path: the model that comes with the program."""
+"""Word in place of a path for the model that comes with the program."""
 NO_KEYS = "none"
-"""In place of a folder of keys: signatures are not looked at."""
+"""Word in place of a folder of keys: signatures are not looked at."""
 
 SystemId = Annotated[int, Meta(ge=1, le=255)]
 Pixels = Annotated[int, Meta(ge=16, le=16384)]
 """Width or height of an image; none is smaller or larger."""
 FocalPx = Annotated[float, Meta(ge=1.0, le=1e6)]
 Number = Annotated[float, Meta(ge=-1e9, le=1e9)]
-"""Any number that a computation survives."""
+"""Number that any computation survives."""
 Share = Annotated[float, Meta(ge=0.0, le=1.0)]
 DeviceId = Annotated[int, Meta(ge=0, le=255)]
 MessageId = Annotated[int, Meta(ge=0, le=0xFFFFFF)]
 """MAVLink 2 has three bytes for it."""
+_NUMBERS = ("width", "height", "fx", "fy", "cx", "cy")
+_NOTES = "session"
+"""The table that the recorder adds to session.toml; it describes, it does not steer."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -79,14 +82,14 @@ class Camera:
     zoom_max: Annotated[float, Meta(ge=1.0, le=200.0)] = 1.0
     """Zoom at 100 % of what CAMERA_SETTINGS reports; 1: its reports are not followed."""
     device: DeviceId = 0
-    """Which of the UAV's cameras to listen to, by device id 1-6 or component id; 0: the first."""
+    """Camera of the UAV to listen to, by device id 1-6 or component id; 0: the first."""
     gimbal: DeviceId = 0
-    """Which of its gimbals, the same way; 0: the camera's, else the first."""
+    """Gimbal of the UAV, the same way; 0: the camera's, else the first."""
     mount: Literal["stabilized", "fixed", "gimbal"] = "stabilized"
     """``stabilized``: a gimbal holds the horizon, yaw follows the body; ``fixed`` to the body; ``gimbal``: turned in
     flight, as the gimbal reports, and as ``stabilized`` until it does."""
     roll_deg: Annotated[float, Meta(ge=-180.0, le=180.0)] = 0.0
-    """With a gimbal: by which the image is turned against it."""
+    """Roll of the mount, deg; with a gimbal the angle by which the image is turned against it."""
     pitch_deg: Annotated[float, Meta(ge=-180.0, le=90.0)] = -90.0
     """-90 looks straight down; below that the picture's top looks backwards."""
     yaw_deg: Annotated[float, Meta(ge=-360.0, le=360.0)] = 0.0
@@ -108,12 +111,9 @@ class Camera:
         return Intrinsics(width=width, height=height, fx=fx, fy=fy, cx=cx, cy=cy, distortion=np.array(self.distortion))
 
 
-_NUMBERS = ("width", "height", "fx", "fy", "cx", "cy")
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Clock:
-    """How the video's clock relates to the telemetry's."""
+    """Relation of the video's clock to the telemetry's."""
 
     video_offset_s: Annotated[float, Meta(ge=-60.0, le=60.0)] | Literal["auto"] = 0.0
     """Video time minus telemetry time; ``auto`` has it estimated."""
@@ -121,7 +121,7 @@ class Clock:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DetectorChoice:
-    """Which network finds vehicles."""
+    """Choice of the network that finds vehicles."""
 
     model: str = ""
     """Path of an ONNX file, relative to the mission file; empty: the bundled model."""
@@ -144,7 +144,7 @@ class DetectorChoice:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class IdentityChoice:
-    """When a box gets a name."""
+    """Choice of when a box gets a name."""
 
     threshold: Share = 0.7
     """A name is shown and written at this confidence or above."""
@@ -152,7 +152,7 @@ class IdentityChoice:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Links:
-    """Where telemetry and video come from in flight; the command line overrides both."""
+    """Sources of telemetry and video in flight; the command line overrides both."""
 
     telemetry: tuple[str, ...] = ()
     video: str = ""
@@ -162,7 +162,7 @@ class Links:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SigningChoice:
-    """Which signatures are required."""
+    """Choice of the signatures that are required."""
 
     keys: str = ""
     """Folder of keys, relative to the mission file; empty: the user's own, where there is one; ``none``: no keys."""
@@ -173,7 +173,7 @@ class SigningChoice:
 
     @property
     def folder(self) -> Path | None:
-        """Where the keys are, None for flights without."""
+        """Folder of the keys, None for flights without."""
         return Path(self.keys) if self.keys not in ("", NO_KEYS) else None
 
 
@@ -200,7 +200,7 @@ class View:
     mast: Mast | None = None
     """The mast that it is on; None: on an aircraft."""
     camera: Camera | None = None
-    """Its camera; None: as the aircraft reports it."""
+    """Camera of the view; None: as the aircraft reports it."""
     clock: Clock = field(default_factory=Clock)
     video: str = ""
     """Source of its video in flight, as ``[links] video``; the command line overrides it."""
@@ -215,7 +215,7 @@ class View:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Mission:
-    """Who flies and how: all that a flight or a replay is configured with."""
+    """Configuration of a flight or a replay: who flies, and how."""
 
     uav: MissionVehicle = MissionVehicle(system_id=MAST_ID)
     """The aircraft with the first camera."""
@@ -302,12 +302,12 @@ class Mission:
 
     @property
     def tiles(self) -> Path | None:
-        """Where the map's tiles are, None without any."""
+        """File of the map's tiles, None without any."""
         return Path(self.map.tiles) if self.map.tiles else None
 
     @property
     def terrain(self) -> Path | None:
-        """Where the ground's elevations are, None without any."""
+        """File of the ground's elevations, None without any."""
         return Path(self.map.terrain) if self.map.terrain else None
 
     def name_of(self, system_id: int) -> str:
@@ -329,10 +329,6 @@ def usual_name(system_id: int, *, films: bool) -> str:
     return "UAV" if films else f"UGV-{system_id}"
 
 
-_NOTES = "session"
-"""The table that the recorder adds to session.toml; it describes, it does not steer."""
-
-
 def load_table(path: Path) -> dict[str, Any]:
     """Read a TOML file.
 
@@ -340,7 +336,7 @@ def load_table(path: Path) -> dict[str, Any]:
         ConfigError: no such file, or not TOML.
     """
     try:
-        data = read_small(path, MOST_TOML_BYTES)
+        data = read_small(path, MAX_TOML_BYTES)
     except FileNotFoundError:
         raise ConfigError(f"{path}: no such file; give a mission file, or see README for one to start from") from None
     except OSError as error:
@@ -408,7 +404,8 @@ def _came_with_a_recording(path: Path, table: Mapping[str, Any]) -> bool:
 
 
 def _without_reach(mission: Mission, path: Path) -> Mission:
-    """Without what opens addresses, decides who is believed or loads what came along: a recording may be anybody's.
+    """Return the table without what opens addresses, decides who is believed or loads what came along: a recording may
+    be anybody's.
 
     Raises:
         ConfigError: a network lies beside it.
@@ -435,7 +432,7 @@ def config_folder() -> Path:
 
 
 def user_keys() -> Path:
-    """Where a user's keys are when the mission names no folder."""
+    """Return the folder of a user's keys when the mission names none."""
     return config_folder() / "keys"
 
 
@@ -449,7 +446,7 @@ def keys_folder(text: str = "", folder: Path = Path()) -> str:
 
 
 def _placed(choice: DetectorChoice, folder: Path) -> DetectorChoice:
-    """With absolute paths: a file's are relative to where it lies."""
+    """Return the table with absolute paths: a file's are relative to where it lies."""
 
     def place(text: str) -> str:
         return str((folder / text).absolute()) if text else ""
@@ -459,7 +456,8 @@ def _placed(choice: DetectorChoice, folder: Path) -> DetectorChoice:
 
 
 def _with_lens(camera: Camera | None, folder: Path, where: str) -> Camera | None:
-    """With the numbers of its lens file in place of the file's name, so that a session needs no other file."""
+    """Return the table with the numbers of its lens file in place of the file's name, so that a session needs no other
+    file."""
     if camera is None or not camera.lens:
         return camera
     try:
@@ -487,10 +485,6 @@ def _check_pitch(table: object, where: str) -> None:
 
 def parse_mission(table: Mapping[str, Any], where: str) -> Mission:
     """Check a parsed TOML table and build the mission.
-
-    Args:
-        table: as parsed.
-        where: goes into messages, such as the file's name.
 
     Raises:
         ConfigError: an unknown key, a wrong or missing value, no vehicles.

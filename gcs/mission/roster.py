@@ -1,4 +1,5 @@
-"""Who is heard, and who of them films and who is to be named: the mission that follows from telemetry alone.
+"""Roster of the vehicles that are heard, with the one that films and those to be named: the mission that follows from
+telemetry alone.
 
 Vehicles say in their heartbeats what they are: aircraft film, whatever stays on the ground is the fleet. Live links
 and logs without a mission go by this one rule.
@@ -58,12 +59,12 @@ class HeardVehicle:
     signed: bool = False
     """True if that packet has one."""
     packets: int = 0
-    """That were accepted."""
+    """Number of packets that were accepted."""
     positions: deque[int] = field(default_factory=lambda: deque(maxlen=_RATE_OVER))
-    """When the last positions came, Unix µs."""
+    """Times of the last positions, Unix µs."""
     lat_deg: float = math.nan
     lon_deg: float = math.nan
-    """Its last position, NaN none."""
+    """Longitude of its last position, deg, NaN none."""
     camera: bool = False
     """True if it reports a camera or a gimbal."""
     video: VideoStreamInformation | None = None
@@ -71,12 +72,12 @@ class HeardVehicle:
 
     @property
     def kind(self) -> str:
-        """Its type in a word."""
+        """Type of the vehicle in a word."""
         return kind_name(self.type) if self.type >= 0 else "unknown"
 
     @property
     def maker(self) -> str:
-        """Its autopilot in a word, empty where that has none."""
+        """Autopilot of the vehicle in a word, empty where that has none."""
         return AUTOPILOTS.get(self.autopilot, "")
 
     @property
@@ -94,7 +95,7 @@ class HeardVehicle:
 
     @property
     def role(self) -> Role:
-        """By what it is."""
+        """Role by the vehicle's type."""
         return "films" if is_aircraft(self.type) else "named" if is_ground_vehicle(self.type) else "out"
 
 
@@ -111,7 +112,7 @@ class Roster:
 
     @property
     def vehicles(self) -> tuple[HeardVehicle, ...]:
-        """Those that are vehicles as far as is known, by system id."""
+        """Senders that are vehicles as far as is known, by system id."""
         return tuple(each for _, each in sorted(self._heard.items()) if each.type >= 0 or each.positions)
 
     def add_packet(self, packet: Packet) -> None:
@@ -152,23 +153,24 @@ def _is_of_a_vehicle(sample: Heartbeat) -> bool:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Found:
-    """Who flies, by what was heard and chosen."""
+class FleetChoice:
+    """The fleet that is to fly, by what was heard and by the operator's choice."""
 
     roles: Mapping[int, Role]
-    """By system id."""
+    """Vehicles by system id."""
     names: Mapping[int, str] = field(default_factory=dict)
     """Names of those that have one of their own."""
     chosen: frozenset[int] = frozenset()
-    """Whose role is the operator's choice."""
+    """System ids whose role is the operator's choice."""
     video: str | None = None
-    """Where its video comes from; None: what is offered or heard."""
+    """Source of its video; None: what is offered or heard."""
 
 
 def proposed_roles(
     vehicles: Iterable[HeardVehicle], chosen: Mapping[int, Role], *, whole_fleet: bool = True
 ) -> dict[int, Role]:
-    """Who is what, by system id: as the operator chose, else by what a vehicle is; out where its packets are refused.
+    """Propose the role of each vehicle, by system id: as the operator chose, else by what a vehicle is; out where its
+    packets are refused.
 
     Of several aircraft the only one that reports a camera films.
 

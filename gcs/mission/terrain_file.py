@@ -20,7 +20,7 @@ from gcs.mission.tiff_grid import read_tiff
 from infra.plain_text import plain
 from infra.processes.bounded import UnreadError
 
-MOST_CELLS: Final = 36_000_000
+MAX_CELLS: Final = 36_000_000
 """144 MB as numbers: 6 km at 1 m, or a degree at 20 m."""
 _SCALE, _TIE_POINTS, _TRANSFORMATION, _KEYS, _NO_DATA = 33550, 33922, 34264, 34735, 42113
 _RASTER_TYPE, _GEOGRAPHIC, _PROJECTED, _VERTICAL_UNITS = 1025, 2048, 3072, 4099
@@ -44,7 +44,7 @@ class TerrainFile:
         if not path.is_file():
             raise ConfigError(f"{path}: no such file; [map] terrain needs a GeoTIFF of elevations")
         try:
-            found = read_tiff(path, MOST_CELLS, [_SCALE, _TIE_POINTS, _TRANSFORMATION, _KEYS, _NO_DATA])
+            found = read_tiff(path, MAX_CELLS, [_SCALE, _TIE_POINTS, _TRANSFORMATION, _KEYS, _NO_DATA])
         except (UnreadError, OSError) as error:
             raise ConfigError(f"{path}: cannot be read as TIFF: {error}") from None
         if found.bands != 1:

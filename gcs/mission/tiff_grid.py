@@ -1,4 +1,4 @@
-"""The one band of a TIFF as numbers, read by Pillow and libtiff in a process of its own: the file is of others."""
+"""The one band of a TIFF as numbers, read by Pillow and libtiff in a process of its own: the file may be hostile."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from infra.processes.bounded import answer_parent, ask_child
 
 _MORE_BYTES, _BYTES_A_CELL = 200_000_000, 12
 """Bytes of memory: decoded, as numbers, and as what is handed over."""
-_MOST_S = 120.0
+_MAX_S = 120.0
 
 
 class _TiffQuestion(msgspec.Struct):
@@ -46,18 +46,13 @@ class TiffGrid(msgspec.Struct, tag=True):
 def read_tiff(path: Path, most_cells: int, tags: list[int]) -> TiffGrid:
     """Read a file.
 
-    Args:
-        path: of the file.
-        most_cells: a larger one is refused before it is decoded.
-        tags: those that are wanted.
-
     Raises:
         UnreadError: no TIFF that can be read.
         OSError: no process can be started for it.
     """
     question = _TiffQuestion(str(path), most_cells, tags)
     most_bytes = _MORE_BYTES + _BYTES_A_CELL * most_cells
-    return ask_child(__name__, question, TiffGrid, most_bytes=most_bytes, most_s=_MOST_S)
+    return ask_child(__name__, question, TiffGrid, most_bytes=most_bytes, most_s=_MAX_S)
 
 
 def _read(question: _TiffQuestion) -> TiffGrid:

@@ -22,27 +22,27 @@ from infra.plain_text import plain
 from vision.video.image_file import decoded
 
 TILE_PX: Final = 256
-"""Tiles of other sizes are brought to this one."""
-MOST_KEPT: Final = 96
+"""Side of a tile, px; those of other sizes are scaled to it."""
+MAX_KEPT: Final = 96
 """Decoded tiles in memory, 19 MB: more than two screens of them."""
-MOST_TILE_BYTES: Final = 4_000_000
-"""A tile is some ten thousand; what is larger is none."""
-MOST_SIDE_PX: Final = 4096
+MAX_TILE_BYTES: Final = 4_000_000
+"""Most bytes of a tile: usual ones have some ten thousand."""
+MAX_SIDE_PX: Final = 4096
 """Maximum side of a tile's picture: larger ones would take hundreds of megabytes once decoded."""
-MOST_OPEN_S: Final = 10.0
-MOST_READ_S: Final = 1.0
-MOST_SLOW: Final = 3
+MAX_OPEN_S: Final = 10.0
+MAX_READ_S: Final = 1.0
+MAX_SLOW: Final = 3
 """Tiles that were given up for taking longer, after which the file is left alone."""
 FAULTS = (sqlite3.Error, UnicodeDecodeError)
-"""Errors that SQLite raises; the second where it quotes a file's words that are no text."""
-MOST_HEAP_BYTES: Final = 256 << 20
+"""Exceptions that SQLite raises; the second where it quotes a file's words that are no text."""
+MAX_HEAP_BYTES: Final = 256 << 20
 STEPS: Final = 10_000
 """Steps of SQLite's machine between two looks at the clock."""
-MOST_ZOOM: Final = 30
+MAX_ZOOM: Final = 30
 LONGEST_CREDIT: Final = 80
 RASTER: Final = frozenset({"png", "jpg", "jpeg", "webp"})
 GZIP: Final = b"\x1f\x8b"
-"""Vector tiles are compressed so."""
+"""Beginning of gzip, in which vector tiles are compressed."""
 
 Image = NDArray[np.uint8]
 
@@ -76,11 +76,11 @@ class TileFile:
             raise ConfigError(f"{path}: cannot be read as MBTiles: {plain(str(error))}") from None
 
     def _bound(self) -> None:
-        """Whoever made the file wrote its views, which may ask for any work: none may take long, or much memory."""
-        self._until_s = time.monotonic() + MOST_OPEN_S
+        """Bound time and memory of queries: whoever made the file wrote its views, which may ask for any work."""
+        self._until_s = time.monotonic() + MAX_OPEN_S
         self._slow = 0
-        self._base.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, MOST_TILE_BYTES)
-        self._base.execute(f"PRAGMA hard_heap_limit = {MOST_HEAP_BYTES}")
+        self._base.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, MAX_TILE_BYTES)
+        self._base.execute(f"PRAGMA hard_heap_limit = {MAX_HEAP_BYTES}")
         self._base.set_progress_handler(lambda: time.monotonic() > self._until_s, STEPS)
 
     def _check(self) -> None:
@@ -94,13 +94,13 @@ class TileFile:
         if kind and kind not in RASTER:
             raise ConfigError(f"{self.path}: tiles of format {plain(kind)[:20]!r}; PNG, JPEG or WebP are needed")
         zooms = self._base.execute("SELECT DISTINCT zoom_level FROM tiles ORDER BY zoom_level LIMIT 100").fetchall()
-        self.zooms = tuple(zoom for (zoom,) in zooms if isinstance(zoom, int) and 0 <= zoom <= MOST_ZOOM)
-        """Which there are, the coarsest first."""
+        self.zooms = tuple(zoom for (zoom,) in zooms if isinstance(zoom, int) and 0 <= zoom <= MAX_ZOOM)
+        """Zoom levels in the file, the coarsest first."""
         if not self.zooms:
-            raise ConfigError(f"{self.path}: it has no tiles at a zoom of 0 to {MOST_ZOOM}")
+            raise ConfigError(f"{self.path}: it has no tiles at a zoom of 0 to {MAX_ZOOM}")
         credit = re.sub(r"<[^>]*>", "", str(notes.get("attribution", "")))
         self.credit = plain(credit.strip())[:LONGEST_CREDIT]
-        """Whose pictures these are, empty where the file does not say so."""
+        """Attribution of the pictures, empty where the file has none."""
 
     def tile(self, zoom: int, column: int, row: int) -> Image | None:
         """(256, 256, 3) BGR of a tile; None where the file has none that can be decoded.
@@ -115,26 +115,26 @@ class TileFile:
             self._kept.move_to_end(key)
         else:
             self._kept[key] = self._read(zoom, column, row)
-            if len(self._kept) > MOST_KEPT:
+            if len(self._kept) > MAX_KEPT:
                 self._kept.popitem(last=False)
         return self._kept[key]
 
     def _read(self, zoom: int, column: int, row: int) -> Image | None:
-        if self._slow >= MOST_SLOW:
+        if self._slow >= MAX_SLOW:
             return None
         began_s = time.monotonic()
-        self._until_s = began_s + MOST_READ_S
+        self._until_s = began_s + MAX_READ_S
         # rows are counted from the south in the file
         where = (zoom, column, 2**zoom - 1 - row)
         query = "SELECT tile_data FROM tiles WHERE zoom_level = ? AND tile_column = ? AND tile_row = ?"
         try:
             found = self._base.execute(query, where).fetchone()
         except (*FAULTS, MemoryError):
-            self._slow += time.monotonic() - began_s > MOST_READ_S
+            self._slow += time.monotonic() - began_s > MAX_READ_S
             return None
-        if found is None or not isinstance(found[0], bytes) or not 0 < len(found[0]) <= MOST_TILE_BYTES:
+        if found is None or not isinstance(found[0], bytes) or not 0 < len(found[0]) <= MAX_TILE_BYTES:
             return None
-        image = decoded(found[0], MOST_SIDE_PX)
+        image = decoded(found[0], MAX_SIDE_PX)
         if image is None or image.shape[:2] == (TILE_PX, TILE_PX):
             return image
         return np.asarray(cv2.resize(image, (TILE_PX, TILE_PX), interpolation=cv2.INTER_AREA), dtype=np.uint8)

@@ -15,7 +15,7 @@ from infra.files.safe_open import create
 from infra.toml_tables import toml_text
 
 MISSION_FILE = "mission.toml"
-_MOST_FILES = 1000
+_MAX_FILES = 1000
 _PARTS = ("camera", "clock", "detector", "identity", "limits")
 _DEFAULTS = Mission(uav=MissionVehicle(system_id=1), ugv=())
 
@@ -77,18 +77,13 @@ def save_mission(mission: Mission, origins: Mapping[str, str], folder: Path) -> 
 
     An address in it may have a password: nobody but the user may read it.
 
-    Args:
-        mission: what flies.
-        origins: as of :func:`mission_text`.
-        folder: where.
-
     Returns:
         The file, and whether it is new: one that has this mission already is enough.
 
     Raises:
         OSError: it cannot be made.
     """
-    for k in range(1, _MOST_FILES):
+    for k in range(1, _MAX_FILES):
         path = folder / (MISSION_FILE if k == 1 else f"mission-{k}.toml")
         if path.is_file():
             with contextlib.suppress(ConfigError):

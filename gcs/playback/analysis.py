@@ -17,9 +17,9 @@ from numpy.typing import NDArray
 from assoc.whole_flight.evidence import FlightEvidence
 from gcs.errors import GcsError
 from gcs.fold.camera.frame_camera import identifier_params
-from gcs.fold.meeting import Seat
 from gcs.fold.pipeline import Pipeline
 from gcs.fold.seen_elsewhere import with_elsewhere
+from gcs.fold.view_exchange import ExchangeMember
 from gcs.playback.in_step import InStep
 from gcs.playback.looked_frames import LookedFrame, look_again, recorded_frames
 from gcs.playback.moments import moments_between
@@ -44,7 +44,7 @@ Image = NDArray[np.uint8]
 Times = NDArray[np.int64]
 
 WARM_UP_US = 20_000_000
-"""A fold that begins in the middle takes in so much telemetry before: what is sent every few seconds has come."""
+"""A fold that begins in the middle takes in this much telemetry before: what is sent every few seconds has come."""
 LOOKED_US = 4_000_000
 """Time before it whose frames it looks at: most vehicles are named after two or three seconds."""
 
@@ -71,7 +71,7 @@ class Analysis:
         looking_threads: int = 2,
         video_offset_s: float | None = None,
         camera: Camera | None = None,
-        company: InStep | None = None,
+        in_step: InStep | None = None,
         followed: bool = False,
     ) -> None:
         """Open all files of a session.
@@ -79,11 +79,11 @@ class Analysis:
         Args:
             session: What to fold.
             redetect: Look at the video again even when the session has detections.
-            open_detector: loads the mission's networks, for those who keep them; None: they are loaded anew.
+            open_detector: loads the mission's networks, for those who keep them; None: they are loaded again.
             looking_threads: which look at the next frames meanwhile; 0: the one that folds looks, too.
             video_offset_s: Video time minus telemetry time, s, instead of the mission's; None: as it says.
             camera: Instead of the mission's; None: as it says.
-            company: The flight's cameras that are folded in step, which this one joins; None: the others are opened
+            in_step: The flight's cameras that are folded in step, which this one joins; None: the others are opened
                 and folded for this one's sake.
             followed: It is such another one.
 
@@ -106,10 +106,10 @@ class Analysis:
         self._stall_s = stall_after_s(self._frames_order_us)
         self.awaited_us = video_awaited_us(session.folder)
         self.warnings = tuple(session_warnings(opened))
-        self._company = company or InStep(self._warn)
-        if trouble := self._company.join(self, followed=followed):
+        self._in_step = in_step or InStep(self._warn)
+        if trouble := self._in_step.join(self, followed=followed):
             self.warnings += (trouble,)
-        if company is None:
+        if in_step is None:
             self._open_others(redetect=redetect)
 
     def _warn(self, t_us: int, text: str) -> None:
@@ -125,7 +125,7 @@ class Analysis:
                 view = self.opened.session.opened_beside(folder)
                 if view.video or view.frames:
                     again = redetect and view.video is not None
-                    Analysis(view, **shared, redetect=again, company=self._company, followed=True)
+                    Analysis(view, **shared, redetect=again, in_step=self._in_step, followed=True)
             except (GcsError, MavlinkError, VisionError) as error:
                 self.warnings += (f"what another camera of the flight saw does not count here: {error}",)
 
@@ -135,7 +135,7 @@ class Analysis:
         return self.mission.uav.system_id
 
     @property
-    def films(self) -> str:
+    def uav_name(self) -> str:
         """Name of that aircraft."""
         return self.mission.name_of(self.uav_id)
 
@@ -162,7 +162,7 @@ class Analysis:
         Args:
             images: Put each frame's image into its snapshot; frames of a video that cannot be decoded are left out.
         """
-        pipeline = self._pipeline(self._company.begin(self.uav_id))
+        pipeline = self._pipeline(self._in_step.begin(self.uav_id))
         if self._turns is None:
             yield from self._by_time(pipeline, images)
             return
@@ -186,7 +186,7 @@ class Analysis:
         """Fold the recording for a screen: its frames, without images, and moments in between at which none came.
 
         Args:
-            flown: What the flight reported, in order of time: the recording lasts at least so long, and alarms that
+            flown: What the flight reported, in order of time: the recording lasts at least this long, and alarms that
                 were acknowledged then are.
             provisional_from_us: Begin some seconds before this time, with provisional names and no alarms. None:
                 from the start.
@@ -196,23 +196,23 @@ class Analysis:
         """
         if provisional_from_us is not None:
             return self._provisional(flown, provisional_from_us)
-        return self._company.shown(self.uav_id, self.folded(self._company.begin(self.uav_id), flown))
+        return self._in_step.shown(self.uav_id, self.folded(self._in_step.begin(self.uav_id), flown))
 
     def seen_elsewhere(self, snapshot: Snapshot) -> Snapshot:
         """The newest snapshot with what the flight's other cameras see, which are folded for this one's sake."""
-        others = self._company.followed()
+        others = self._in_step.followed()
         return with_elsewhere(snapshot, others) if others else snapshot
 
-    def folded(self, seat: Seat | None, flown: Sequence[Event] = ()) -> Iterator[tuple[int, Snapshot]]:
+    def folded(self, exchange: ExchangeMember | None, flown: Sequence[Event] = ()) -> Iterator[tuple[int, Snapshot]]:
         """Moments from the start.
 
         Args:
-            seat: Where it meets the folds of the flight's other cameras.
+            exchange: With the folds of the flight's other cameras.
             flown: As of :meth:`moments`.
         """
         seen = deque(event for event in flown if event.acknowledges)
         received_us = self._received_us(flown)
-        pipeline, start_us = self._pipeline(seat), int(received_us[0])
+        pipeline, start_us = self._pipeline(exchange), int(received_us[0])
         for at_us, snapshot in self._moments(pipeline, received_us, start_us, None):
             yield at_us, snapshot
             while seen and seen[0].t_us <= at_us:
@@ -232,7 +232,8 @@ class Analysis:
         return np.sort(np.concatenate([self.opened.known_us, flown_us]))
 
     def with_images(self, moments: Iterator[tuple[int, Snapshot]]) -> Iterator[tuple[int, Snapshot]]:
-        """The same moments, those at which a frame came with its image, where there is one that can be decoded."""
+        """Return the same moments, those at which a frame came with its image, where there is one that can be
+        decoded."""
         frames = self.video.frames() if self.video is not None else iter(())
         frame, shown = next(frames, None), -1
         for at_us, snapshot in moments:
@@ -249,12 +250,12 @@ class Analysis:
         self._evidence = FlightEvidence(identifier_params(self.mission))
         return self._evidence
 
-    def _pipeline(self, seat: Seat | None) -> Pipeline:
+    def _pipeline(self, exchange: ExchangeMember | None) -> Pipeline:
         senders, session, mission = self._log.senders, self.opened.session, self.mission
         if session.began is not None:
             mission = replace(mission, uav=session.began.uav, ugv=session.began.ugv)
         pipeline = Pipeline(mission, links=senders.names, address=senders.address, sized=self.opened.size.known)
-        self._folded, pipeline.seat, pipeline.evidence = pipeline, seat, self._evidence
+        self._folded, pipeline.exchange, pipeline.evidence = pipeline, exchange, self._evidence
         if self._evidence is not None:
             self._evidence.begin_anew(mission.ugv_ids)
         for statement in read_statements(session.folder, self.mission.ugv_ids):
@@ -418,7 +419,7 @@ class Analysis:
     def close(self) -> None:
         """Close the video."""
         self.opened.close()
-        self._company.close()
+        self._in_step.close()
 
 
 def _without_boxes(near: Snapshot, index: int, t_us: int, image: Image | None) -> Snapshot:

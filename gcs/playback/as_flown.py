@@ -28,14 +28,14 @@ from infra.files.segment import segments
 from infra.session_format import EVENTS
 
 SAME_US: Final = 5_000_000
-"""A replay without the flight's order of packets and frames finds the same some seconds earlier or later."""
+"""Greatest time between the same event in flight and in a replay without the flight's order of packets and frames."""
 WORKED_OUT: Final = frozenset({"vehicle", "identity", "camera", "text"})
 """Kinds of events that a replay works out again; the others tell of links, disks and people."""
 HELD_S: Final = 50
-"""An alarm is over so long after its last sign, at most; its event says how long it lasted until that."""
-MOST_EVENTS: Final = 20_000
+"""Longest time from an alarm's last sign to its end; its event says how long it lasted until that."""
+MAX_EVENTS: Final = 20_000
 OUTSIDE_US: Final = 86_400_000_000
-"""Events that are farther from all packets and frames are from a clock that was wrong."""
+"""Distance from all packets and frames beyond which events are from a clock that was wrong."""
 _NEVER_US: Final = 1 << 62
 _OVER: Final = re.compile(r"over after (\d+) s: (.*)")
 _SEEN: Final = "seen: "
@@ -66,7 +66,7 @@ class FlownReports:
 
     def __init__(self, events: Sequence[Event], start_us: int, stop_us: int) -> None:
         near = (event for event in events if start_us - OUTSIDE_US <= event.t_us <= stop_us + OUTSIDE_US)
-        self._flown = sorted(near, key=lambda event: event.t_us)[-MOST_EVENTS:]
+        self._flown = sorted(near, key=lambda event: event.t_us)[-MAX_EVENTS:]
         self._has_keys = any(event.alarm_level for event in self._flown)
         """False: an older recording, of whose alarms there are only the words."""
         flown_us = [event.t_us for event in self._flown]
@@ -108,9 +108,9 @@ class FlownReports:
             events += more
             lost += skipped
         if steps:
-            told = np.array([event.alarm == CLOCK_STEP for event in events], dtype=np.bool_)
+            is_step = np.array([event.alarm == CLOCK_STEP for event in events], dtype=np.bool_)
             stamped_us = np.array([event.t_us for event in events], dtype=np.int64)
-            t_us = steps.correct_events(stamped_us, told).tolist()
+            t_us = steps.correct_events(stamped_us, is_step).tolist()
             events = [replace(event, t_us=at_us) for event, at_us in zip(events, t_us, strict=True)]
         if lost and not trouble:
             trouble = f"{EVENTS}: {lost} lines could not be read and were skipped"
@@ -128,13 +128,7 @@ class FlownReports:
         return self._flown
 
     def add(self, t_us: int, events: Iterable[Event], alarms: Iterable[Alarm]) -> None:
-        """Take in what a replay finds at its next moment.
-
-        Args:
-            t_us: the moment; all before it is worked out.
-            events: new ones.
-            alarms: on at the moment.
-        """
+        """Take in what a replay finds at its next moment."""
         for event in events:
             self._add_event(event)
         known = len(self._found.spans)
@@ -146,7 +140,7 @@ class FlownReports:
         self._worked_out_us = max(t_us, self._worked_out_us)
 
     def finish(self) -> None:
-        """All of the recording is worked out."""
+        """Note that all of the recording is worked out."""
         self._shown, self._worked_out_us = None, math.inf
 
     def _add_event(self, event: Event) -> None:
@@ -160,7 +154,7 @@ class FlownReports:
             return
         differs = bool(self._flown) and event.kind in WORKED_OUT
         self._now.append(replace(event, reported="now") if differs else event)
-        del self._now[:-MOST_EVENTS]
+        del self._now[:-MAX_EVENTS]
 
     def events(self) -> tuple[Event, ...]:
         """Events that the flight reported, and what is worked out besides; in order of time."""
@@ -176,12 +170,7 @@ class FlownReports:
         return self._shown
 
     def alarms(self, t_us: int, found: Sequence[Alarm]) -> tuple[Alarm, ...]:
-        """Alarms on at a moment, the worst and newest first; where flight and replay differ, each says whose it is.
-
-        Args:
-            t_us: the moment.
-            found: what the replay finds then.
-        """
+        """Alarms on at a moment, the worst and newest first; where flight and replay differ, each says whose it is."""
         if not self._flown:
             return tuple(found)
         on = [flown for flown in self._alarms if flown.alarm.since_us <= t_us < flown.until_us]
@@ -238,7 +227,7 @@ class FlownReports:
         return replace(flown.alarm, acknowledged=seen, reported="then" if differs else "")
 
     def _key(self, alarm: Alarm) -> str:
-        """The same of an alarm of the flight and of one of the replay."""
+        """Key that an alarm of the flight and one of the replay have in common."""
         if self._has_keys:
             return alarm.key
         known = reported_alarm(alarm.text, alarm.kind, alarm.system_id)
@@ -268,12 +257,7 @@ def _is_about(t_us: int, since_us: int, until_us: int) -> bool:
 
 
 def _alarms(events: Sequence[Event], end_us: int) -> list[FlownAlarm]:
-    """Alarms by the events that tell of their coming and going; others of their level are events alone.
-
-    Args:
-        events: of the flight, in order.
-        end_us: of the flight: until then alarms last that no event ends.
-    """
+    """Alarms by the events that tell of their coming and going; others of their level are events alone."""
     alarms: list[FlownAlarm] = []
     on: dict[str, FlownAlarm] = {}
     for event in events:
@@ -288,7 +272,7 @@ def _alarms(events: Sequence[Event], end_us: int) -> list[FlownAlarm]:
 
 
 def _alarms_by_words(events: Sequence[Event], end_us: int) -> list[FlownAlarm]:
-    """The same of an older recording, whose events do not say of which alarm they are."""
+    """Return the alarms of an older recording, whose events do not say of which alarm they are."""
     alarms: list[FlownAlarm] = []
     on: dict[str, FlownAlarm] = {}
     over_at: dict[tuple[str, int, str], list[int]] = {}
@@ -315,7 +299,7 @@ def _alarms_by_words(events: Sequence[Event], end_us: int) -> list[FlownAlarm]:
 
 
 def _without_levels(alarms: Iterable[FlownAlarm]) -> list[FlownAlarm]:
-    """The same alarms, where each stays the same one when its level changes."""
+    """Join alarms, each of which stays the same one when its level changes."""
     joined: list[FlownAlarm] = []
     last: dict[str, FlownAlarm] = {}
     for flown in alarms:

@@ -1,4 +1,4 @@
-"""A recorded flight for programs of others: snapshots, names as a table, and their score."""
+"""A recorded flight for other people's programs: snapshots, names as a table, and their score."""
 
 from __future__ import annotations
 
@@ -135,10 +135,6 @@ def open_flight(
 
 def score_boxes(boxes: NamedBoxes | Path | str, truth: Path | str) -> Score:
     """The score of names against the truth.
-
-    Args:
-        boxes: A table of ``identify``, or an ``identity.csv``.
-        truth: A ``truth.csv``.
 
     Raises:
         GcsError: The two have nothing in common, or a file cannot be used.

@@ -40,26 +40,26 @@ from gcs.snapshot import NAN, Box, Candidate, Snapshot, VehicleRow
 FloatArray = NDArray[np.float64]
 
 AHEAD_S = 15.0
-"""A box is named by what is known of its track so long after it, s."""
+"""Time after a box up to which its track is known when it is named, s."""
 _CHANGES_HZ = 0.01
 """Rate at which a tracker goes over from one vehicle to another unnoticed, 1/s."""
 _MEAN_SHARE = 0.3
 """Weight of the mean against the smoothed probabilities: for these a doubt that comes late is all there is to know."""
 _AT_ONCE_S = 3.0
-"""A track is smoothed for so much of it at once, s: the last of those boxes look that much less ahead."""
+"""Time of a track that is smoothed at once, s: the last of those boxes look that much less ahead."""
 _LOWER = 0.05
 """Margin of the least mean of a name below a screen's threshold: what was thought at first is in the mean."""
 _GAP_MAX_S = IdentifierParams().gap_max_s
-_LEAST_SHOWN = 0.005
-"""A candidate that is less probable is not told."""
-_MOST_CANDIDATES = 3
+_MIN_SHOWN = 0.005
+"""Least probability of a candidate that is listed."""
+_MAX_CANDIDATES = 3
 _UNTOLD = 0.002
-"""Probability of all candidates that were not told, each below 0.005."""
+"""Probability of all candidates that were not listed, each below 0.005."""
 _NO_EVIDENCE: dict[str, Any] = dict.fromkeys(
     ("residual_m", "residual_px", "position_age_s", "projection", "topology", "fused"), NAN
 )
 """Fields of a box without what was measured for the name that it had at the time."""
-_MOST_PASSED = 1000
+_MAX_PASSED = 1000
 """Rows of a track that are kept although all boxes of their time have been named."""
 
 
@@ -69,7 +69,7 @@ class _Course:
 
     times_us: list[int] = field(default_factory=list)
     rows: list[FloatArray] = field(default_factory=list)
-    """(n + 1,) probabilities of each vehicle and of none of them, as they were told."""
+    """(n + 1,) probabilities of each vehicle and of none of them, as they were reported."""
     fits: list[bool] = field(default_factory=list)
     """True in frames in which film and telemetry were known to fit."""
     known: dict[int, FloatArray] = field(default_factory=dict)
@@ -96,7 +96,7 @@ class _Course:
     def forget(self, t_us: int) -> None:
         """Drop the rows before a time once they are many."""
         passed = bisect_left(self.times_us, t_us)
-        if passed > _MOST_PASSED:
+        if passed > _MAX_PASSED:
             del self.times_us[:passed], self.rows[:passed], self.fits[:passed]
 
 
@@ -216,7 +216,7 @@ def _renamed(known: KnownFrame, mission: Mission, since: Since[int, int]) -> Sna
         return snapshot
     tracked = [box for box in snapshot.boxes if box.track_id]
     contested = frozenset(row.system_id for row in snapshot.vehicles if row.contested or snapshot.vehicles[0].contested)
-    boxes = {box.track_id: _told(box, known.p.get(box.track_id), mission, contested) for box in tracked}
+    boxes = {box.track_id: _with_known_name(box, known.p.get(box.track_id), mission, contested) for box in tracked}
     # of two boxes with one name the surer has it, and one that was seen before one that is only predicted
     holder: dict[int, Box] = {}
     for box in sorted(boxes.values(), key=lambda box: (not box.coasting, box.stated, box.confidence)):
@@ -238,7 +238,7 @@ def _renamed(known: KnownFrame, mission: Mission, since: Since[int, int]) -> Sna
     return replace(snapshot, boxes=new, vehicles=tuple(rows))
 
 
-def _told(box: Box, known: FloatArray | None, mission: Mission, contested: frozenset[int]) -> Box:
+def _with_known_name(box: Box, known: FloatArray | None, mission: Mission, contested: frozenset[int]) -> Box:
     """The box with what is known of it; as it was where nothing is, where it is stated, and where a name was withheld.
 
     Args:
@@ -250,7 +250,7 @@ def _told(box: Box, known: FloatArray | None, mission: Mission, contested: froze
     if known is None or box.stated or (box.doubt and math.isnan(box.confidence)):
         return box
     system_ids, p = mission.ugv_ids, known.tolist()
-    order = sorted((k for k, each in enumerate(p[:-1]) if each >= _LEAST_SHOWN), key=lambda k: -p[k])
+    order = sorted((k for k, each in enumerate(p[:-1]) if each >= _MIN_SHOWN), key=lambda k: -p[k])
     first = order[0] if order and p[order[0]] >= mission.identity.threshold - _LOWER else None
     name = 0 if first is None else system_ids[first]
     if name in contested:
@@ -259,7 +259,7 @@ def _told(box: Box, known: FloatArray | None, mission: Mission, contested: froze
     before = {candidate.system_id: candidate for candidate in box.candidates}
     renamed = name != box.system_id
     candidates = tuple(
-        _candidate(system_ids[k], p[k], before.get(system_ids[k]), renamed=renamed) for k in order[:_MOST_CANDIDATES]
+        _candidate(system_ids[k], p[k], before.get(system_ids[k]), renamed=renamed) for k in order[:_MAX_CANDIDATES]
     )
     evidence = _NO_EVIDENCE | {"residual_m": before[name].distance_m if name in before else NAN} if renamed else {}
     return replace(
@@ -275,18 +275,18 @@ def _told(box: Box, known: FloatArray | None, mission: Mission, contested: froze
     )
 
 
-def _candidate(system_id: int, p: float, told: Candidate | None, *, renamed: bool) -> Candidate:
+def _candidate(system_id: int, p: float, before: Candidate | None, *, renamed: bool) -> Candidate:
     """A vehicle that a box may be, with what was told of it; what spoke against it did so beside another name."""
-    if told is None:
+    if before is None:
         return Candidate(system_id=system_id, confidence=p)
-    against = "" if renamed else told.against
+    against = "" if renamed else before.against
     return Candidate(
-        system_id=system_id, confidence=p, distance_m=told.distance_m, against=against, missing=told.missing
+        system_id=system_id, confidence=p, distance_m=before.distance_m, against=against, missing=before.missing
     )
 
 
 def _part(box: Box, whole: Box | None) -> Box:
-    """The other part of a vehicle has its name."""
+    """Give the other part of a vehicle its name."""
     if whole is None:
         return box
     return replace(box, system_id=whole.system_id, confidence=whole.confidence, none_of_ours=whole.none_of_ours)

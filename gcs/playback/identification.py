@@ -35,9 +35,9 @@ AGAIN_S = 0.3
 SURE_S, SURE_FIT = 0.1, 0.99
 """Largest 1σ of the offset, s, and least probability that film and telemetry belong together, with which it counts."""
 _ENDED_US = sys.maxsize
-"""In place of the time of the next frame: there is none."""
-_ALARMS_TOLD = 5
-"""Alarms that are told one by one; the page about the flight has all."""
+"""Time in place of that of the next frame where there is none."""
+_MAX_ALARMS = 5
+"""Alarms that are reported one by one; the page about the flight has all."""
 _FILES = (IDENTITY.name, IDENTITY_EVIDENCE, EVENTS)
 _NEVER_OVERWRITTEN = "exists already and is never overwritten; choose another place"
 
@@ -74,7 +74,7 @@ def identify_session(
         report: called after every frame with the frames that are done, and all there are, of all cameras.
         note: called with each line that a user should read: what the recording lacks, what the camera's stream did,
             what was not known in the end.
-        open_detector: loads a mission's networks, for those who name many recordings; None: they are loaded anew.
+        open_detector: loads a mission's networks, for those who name many recordings; None: they are loaded again.
         looking_threads: which look at the next frames of a video meanwhile; 0: one thread does all.
 
     Returns:
@@ -95,7 +95,7 @@ def identify_session(
         views = _identify_views([partial(opening, view) for view in sessions], folders, report, hindsight)
     for view in views:
         for text in view.notes:
-            note(f"{view.calls.films}: {text}" if len(views) > 1 else text)
+            note(f"{view.calls.uav_name}: {text}" if len(views) > 1 else text)
     first, *others = (view.calls for view in views)
     first.other_views = tuple(others)
     return first
@@ -135,7 +135,7 @@ def _identify_in_step(
     hindsight: bool | None,
 ) -> list[_NamedCamera]:
     """Name the boxes of all cameras once, side by side: that of the earliest frame goes on first."""
-    company = InStep() if len(opened) > 1 else None
+    in_step = InStep() if len(opened) > 1 else None
     with contextlib.ExitStack() as stack:
         views = list[_NamedCamera]()
 
@@ -143,7 +143,7 @@ def _identify_in_step(
             report(sum(view.done for view in views), sum(len(view.analysis.times_us) for view in views))
 
         for opening, folder in zip(opened, folders, strict=True):
-            view = _NamedCamera(opening(company=company), folder, hindsight, tell)
+            view = _NamedCamera(opening(in_step=in_step), folder, hindsight, tell)
             stack.callback(view.analysis.close)
             views.append(view)
         ways = [stack.enter_context(contextlib.closing(view.identify())) for view in views]
@@ -178,7 +178,7 @@ def _as_session_error(out: Path) -> Iterator[None]:
 
 
 class _NamedCamera:
-    """A camera whose boxes are named.
+    """One camera of a recording and the names of its boxes.
 
     Args:
         analysis: folds what it saw.
@@ -213,15 +213,15 @@ class _NamedCamera:
                 snapshots = by_hindsight(snapshots, analysis.mission, evidence)
             for last in snapshots:
                 log.write(last)
-                calls.look(last)
+                calls.add_boxes(last)
                 blind |= last.pose == "no attitude"
                 self._last = last
                 yield last.t_us
         if self._last is None:
             raise SessionError(f"{analysis.opened.session.path}: not one frame in it")
-        calls.end(analysis.frames, as_flown=analysis.as_flown)
+        calls.set_frame_count(analysis.frames, as_flown=analysis.as_flown)
         marks = read_marks(analysis.opened.session.path, reports.start_us)
-        calls.tell(reports.spans(), (*reports.flown, *marks))
+        calls.set_reports(reports.spans(), (*reports.flown, *marks))
         seen = analysis.opened.video is not None or analysis.opened.looks is not None
         self.notes += _alarms(reports.spans(), int(analysis.times_us[0]))
         self.notes += _doubts(self._last, calls, blind=blind, seen=seen)
@@ -263,9 +263,9 @@ def _late(offset_s: float) -> str:
 
 def _alarms(spans: Iterable[AlarmSpan], start_us: int) -> list[str]:
     """Alarms in words, the first few; names are not to be read without them."""
-    told = [span.alarm for span in spans if span.alarm.level == "alarm"]
-    lines = [f"alarm at {1e-6 * (alarm.since_us - start_us):.0f} s: {alarm.text}" for alarm in told[:_ALARMS_TOLD]]
-    return lines if len(told) <= _ALARMS_TOLD else [*lines, f"and {len(told) - _ALARMS_TOLD} alarms more"]
+    raised = [span.alarm for span in spans if span.alarm.level == "alarm"]
+    lines = [f"alarm at {1e-6 * (alarm.since_us - start_us):.0f} s: {alarm.text}" for alarm in raised[:_MAX_ALARMS]]
+    return lines if len(raised) <= _MAX_ALARMS else [*lines, f"and {len(raised) - _MAX_ALARMS} alarms more"]
 
 
 def _frames(
@@ -279,7 +279,7 @@ def _frames(
     frame = -1
     for at_us, snapshot in moments:
         reports.add(at_us, snapshot.events, snapshot.alarms)
-        calls.watch(snapshot, at_us)
+        calls.add_fleet(snapshot, at_us)
         events.write(snapshot.events)
         for event in snapshot.events:
             if event.kind == "video" and event.level == "info" and not event.over:

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from gcs.errors import GcsError, SessionError
-from gcs.fold.meeting import Meeting, Seat
+from gcs.fold.view_exchange import ExchangeMember, ViewExchange
 from gcs.session.tables import read_table
 from gcs.snapshot import Snapshot
 from infra.files.segment import segments
@@ -29,7 +29,7 @@ Heard = Mapping[int, Mapping[int, int]]
 
 
 class _FoldedCamera:
-    """A camera's recording on its way.
+    """A camera's recording while it is folded.
 
     Args:
         analysis: folds it.
@@ -51,7 +51,7 @@ class _FoldedCamera:
         self._moments, self._frame = moments, -1
 
     def shown(self) -> Iterator[Moment]:
-        """All moments in order, those first that others had folded."""
+        """All moments in order, beginning with those that were folded because others needed them."""
         while self._kept or self.advance():
             yield self._kept.popleft()
 
@@ -98,7 +98,7 @@ class _FoldedCamera:
 
 
 class InStep:
-    """Cameras of a flight, each folded as far as another one needs it.
+    """Folds of a flight's cameras in step: each goes as far as another one needs it.
 
     Args:
         tell: called with the time, Unix µs, from which on a camera that is folded for others' sake is lost, and why.
@@ -107,14 +107,10 @@ class InStep:
     def __init__(self, tell: Callable[[int, str], None] = lambda t_us, text: None) -> None:
         self._tell = tell
         self._cameras: dict[int, _FoldedCamera] = {}
-        self._meeting = Meeting(self._heard)
+        self._exchange = ViewExchange(self._heard)
 
     def join(self, analysis: Analysis, *, followed: bool) -> str:
         """Add a camera.
-
-        Args:
-            analysis: folds it.
-            followed: it is folded for others' sake, and not shown.
 
         Returns:
             What is wrong with what it heard in flight, empty for nothing.
@@ -122,20 +118,16 @@ class InStep:
         camera = self._cameras[analysis.uav_id] = _FoldedCamera(analysis, followed=followed, tell=self._tell)
         return camera.trouble
 
-    def begin(self, uav_id: int) -> Seat | None:
-        """Seat among the others of a fold that begins at the start; those that are not shown begin anew, too.
-
-        Args:
-            uav_id: of the aircraft whose camera it is.
-        """
+    def begin(self, uav_id: int) -> ExchangeMember | None:
+        """Join a fold that begins at the start to the others; those that are not shown start again, too."""
         if len(self._cameras) == 1:
             return None
         followed = {other: camera for other, camera in self._cameras.items() if camera.followed}
         if followed:
-            self._meeting = Meeting(self._heard)
+            self._exchange = ViewExchange(self._heard)
         for other, camera in followed.items():
-            camera.begin(camera.analysis.folded(self._meeting.seat(other)))
-        return self._meeting.seat(uav_id)
+            camera.begin(camera.analysis.folded(self._exchange.join(other)))
+        return self._exchange.join(uav_id)
 
     def shown(self, uav_id: int, moments: Iterator[Moment]) -> Iterator[Moment]:
         """The moments of a camera, which others may have folded before they are wanted."""
@@ -162,7 +154,7 @@ class InStep:
         t_us, before = own.taken_us(frame), {}
         for other, camera in others.items():
             camera.advance_before(t_us)
-            before[other] = self._meeting.newest(other)
+            before[other] = self._exchange.newest(other)
             while before[other] >= 0 and camera.taken_us(before[other]) >= t_us:
                 before[other] -= 1
         return before

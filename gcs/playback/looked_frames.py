@@ -59,7 +59,7 @@ class RecordedLooks:
 
     @classmethod
     def read(cls, detections: Path, motion: Path | None) -> RecordedLooks:
-        """From ``detections.csv`` and, where it is there, ``motion.csv``.
+        """Read ``detections.csv`` and, where it is there, ``motion.csv``.
 
         Raises:
             SessionError: a file is no such table.

@@ -13,7 +13,7 @@ TICK_US: Final = 200_000
 QUIET_US: Final = 60_000_000
 """Silence after which every alarm of silence has come, and only ages grow."""
 QUIET_SHARE: Final = 0.02
-"""There the next moment comes after this share of the silence: ages stay right to 2 %, and years take few moments."""
+"""Share of a silence after which the next moment comes: ages stay right to 2 %, and years take few moments."""
 
 
 def moments_between(start_us: int, stop_us: int, received_us: NDArray[np.int64]) -> Iterator[int]:

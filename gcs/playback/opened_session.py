@@ -1,6 +1,6 @@
 """A session, opened: its telemetry, its frames' times and what was seen in them.
 
-The decoder is imported when a recording has a video: to load it takes longer than many a fold.
+The decoder is imported only when a recording has a video: loading it takes longer than many a fold.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from vision.video.video import VideoFile
 
 LONGEST_US = 86_400_000_000
-"""A flight is not so long without a packet or a frame."""
+"""A flight is not this long without a packet or a frame."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -36,7 +36,7 @@ class OpenedSession:
 
     session: Session
     log: SessionLog
-    """Its telemetry."""
+    """Telemetry of the session."""
     mission: Mission
     """The session's own, or what telemetry tells of who flies."""
     frames: FrameTimes | None
@@ -54,10 +54,6 @@ class OpenedSession:
     @classmethod
     def open(cls, session: Session, *, redetect: bool = False) -> OpenedSession:
         """Open all files of a session.
-
-        Args:
-            session: What to open.
-            redetect: Leave aside what was detected.
 
         Raises:
             SessionError, TlogError, VideoError: a part that cannot be used.

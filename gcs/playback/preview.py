@@ -18,7 +18,7 @@ AHEAD_US: Final = 3_000_000
 BEFORE_US: Final = 1_000_000
 """Time analysed before that place: a step back finds something."""
 JUMP_US: Final = 8_000_000
-"""To begin again is cheaper than to go on to a place farther ahead than this."""
+"""Distance ahead beyond which it is cheaper to start again than to go on."""
 
 Moments = Iterator[tuple[int, Snapshot]]
 
@@ -34,7 +34,7 @@ class Preview:
         self._begin = begin
         self._moments: Moments = iter(())
         self._start_us: int | None = None
-        """From when on, None for nothing."""
+        """Start of the preview, None for nothing."""
         self._found = SnapshotStore()
         self._ended = False
 

@@ -21,12 +21,12 @@ from vision.detect.detections import Detections
 if TYPE_CHECKING:
     from vision.video.video import Frame
 
-_MOST_BETWEEN = 1000
+_MAX_BETWEEN = 1000
 """Frames that a flight skips between two that it looks at, at most."""
 PATIENCE_US = 3_000_000
-"""Frames of a recording wait so long for the UAV's pose: no screen waits for them."""
-_MOST_QUEUED_US = 5_000_000
-"""A turn is made at most so long after a record that it has not taken in yet."""
+"""Time for which frames of a recording wait for the UAV's pose: no screen waits for them."""
+_MAX_QUEUED_US = 5_000_000
+"""Longest time from a record that a turn has not taken in yet to that turn."""
 
 
 class PacketsInOrder:
@@ -43,7 +43,8 @@ class PacketsInOrder:
             self._next = next(self._packets, None)
 
     def awaited(self, pipeline: Pipeline, t_us: int) -> Iterator[Packet]:
-        """Those up to a frame's time, and those until the UAV's pose at that time is known, if it comes."""
+        """Return the packets up to a frame's time, and those until the UAV's pose at that time is known, if it
+        comes."""
         # a frame that is dated before it was taken came later than its date
         yield from self.until(max(t_us, pipeline.telemetry_time(t_us)))
         uav_id, until_us = pipeline.mission.uav.system_id, pipeline.awaits_until(t_us, PATIENCE_US)
@@ -68,7 +69,7 @@ class GroundScale:
         self._packets = packets
 
     def gsd_m(self, frame: Frame) -> float | None:
-        """At the centre of a frame; frames come in order."""
+        """Return the ground resolution at the centre of a frame, metres per pixel; frames come in order."""
         for packet in self._packets.until(max(frame.t_us, self._pipeline.telemetry_time(frame.t_us))):
             self._pipeline.add_packet(packet)
         self._pipeline.follow_ground(frame.t_us)
@@ -91,7 +92,7 @@ class RecordedTurns:
 
     @classmethod
     def open(cls, path: Path, log: SessionLog, boxes: FrameDetections) -> RecordedTurns | None:
-        """From ``folds.csv``; None where no frame was ever looked at.
+        """Read ``folds.csv``; None where no frame was ever looked at.
 
         Raises:
             SessionError: the file is no such table.
@@ -109,7 +110,7 @@ class RecordedTurns:
             (m,) m >= n.
         """
         later = {turn.frame: turn.t_us for turn in self._folds.turns if turn.frame >= len(known)}
-        if not later or max(later) - len(known) > _MOST_BETWEEN * len(later):
+        if not later or max(later) - len(known) > _MAX_BETWEEN * len(later):
             return known
         frames = np.arange(len(known), max(later) + 1)
         more = np.interp(frames, np.array(list(later)), np.array(list(later.values()), dtype=np.float64))
@@ -118,7 +119,7 @@ class RecordedTurns:
     def placed_turns(
         self, frames_us: NDArray[np.int64]
     ) -> Iterator[tuple[int, FoldTurn, Iterator[Packet], Detections | None]]:
-        """The same as :meth:`turns`, each with its time on the recording's time line, Unix µs.
+        """Yield the turns as :meth:`turns` does, each with its time on the recording's time line, Unix µs.
 
         Args:
             frames_us: (n,) times of the frames on it.
@@ -132,7 +133,7 @@ class RecordedTurns:
                 record = min(max(turn.records, 1), len(line_us))
                 at_us = turn.t_us + int(line_us[record - 1] - stamped_us[record - 1]) if record else turn.t_us
                 if 0 < turn.records < len(line_us):
-                    at_us = min(at_us, int(line_us[turn.records]) + _MOST_QUEUED_US)
+                    at_us = min(at_us, int(line_us[turn.records]) + _MAX_QUEUED_US)
             last_us = max(last_us, at_us)
             yield last_us, turn, packets, boxes
 

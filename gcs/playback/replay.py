@@ -4,8 +4,6 @@ What is shown at a frame has the names that ``gcs identify`` computes for it; in
 goes on as it did in flight. A place that the analysis has not reached yet shows the frame alone until it is worked out
 provisionally (``gcs.playback.preview``). What the flight itself reported is shown beside it. Marks that are made
 meanwhile go to a ``marks.jsonl``, and nothing else is written.
-
-How sure every vehicle's name was over a whole recording, in few numbers however long that is.
 """
 
 from __future__ import annotations
@@ -38,9 +36,9 @@ from mavlink.transmit.message_rates import Rate
 from vision.stream.pace import stall_after_s
 from vision.video.video import Frame, VideoFile
 
-SPEED_LEAST, SPEED_MOST = 0.1, 20.0
-# Decoding on is cheaper than seeking for jumps up to this many frames.
+MIN_SPEED, MAX_SPEED = 0.1, 20.0
 DECODE_ON = 30
+"""Longest jump, frames, for which decoding on is cheaper than seeking."""
 TICK_S = 0.02
 SOON_US = 5_000_000
 """The analysis itself will be at a place that is no farther ahead."""
@@ -49,7 +47,7 @@ PERIOD_US = 200_000
 PARTS: Final = 1000
 """Parts of a recording: several for each cell of the widest screens."""
 HELD_US: Final = 2_000_000
-"""A name counts for so long without another snapshot, as on the screen."""
+"""A name counts for this long without another snapshot, as on the screen."""
 
 
 def find_gaps(
@@ -79,11 +77,9 @@ def _gaps(
 
 
 class ConfidenceHistory:
-    """Takes snapshots in; those worked out provisionally count for nothing.
+    """Confidence in every vehicle's name over a whole recording, in few numbers however long that is.
 
-    Args:
-        start_us: first moment of the recording.
-        stop_us: last one.
+    Snapshots that were worked out provisionally count for nothing.
     """
 
     def __init__(self, start_us: int, stop_us: int) -> None:
@@ -235,7 +231,7 @@ class Replay:
 
     @property
     def speed(self) -> float:
-        """Times real time."""
+        """Speed as a multiple of real time."""
         return self._speed
 
     @property
@@ -309,12 +305,13 @@ class Replay:
                 view.seek(self.now_us)
         in_order = sorted(self._views, key=lambda view: view._analysis.opened.session.folder)
         return [
-            CameraPicture(name=view._analysis.films, snapshot=view.latest(), on_show=view is self) for view in in_order
+            CameraPicture(name=view._analysis.uav_name, snapshot=view.latest(), on_show=view is self)
+            for view in in_order
         ]
 
     def set_speed(self, speed: float) -> None:
         """Set the speed, clamped to 0.1..20."""
-        self._speed = float(np.clip(speed, SPEED_LEAST, SPEED_MOST))
+        self._speed = float(np.clip(speed, MIN_SPEED, MAX_SPEED))
 
     def mark(self, t_us: int, text: str, system_id: int = 0) -> None:
         """Keep the operator's note on a moment, in a file beside those of the flight."""
@@ -323,12 +320,12 @@ class Replay:
         self.add_event(event)
 
     def add_event(self, event: Event) -> None:
-        """For the event log on the screen alone."""
+        """Add an event for the event log on the screen alone."""
         with self._lock:
             insort(self._added, event, key=lambda other: other.t_us)
 
     def acknowledge(self, alarms: Sequence[Alarm]) -> None:
-        """Nothing is written into a recording."""
+        """Do nothing: nothing is written into a recording."""
 
     def state_name(self, track_id: int, system_id: int) -> None:
         """Leave what was stated in flight as it is."""
@@ -337,25 +334,25 @@ class Replay:
         """Leave what was stated in flight as it is."""
 
     def rates(self) -> Sequence[Rate]:
-        """A recording measures nothing."""
+        """Return nothing: a recording measures no rates."""
         return ()
 
     def newcomers(self) -> Sequence[Newcomer]:
-        """A recording hears nobody."""
+        """Return nobody: a recording hears nobody new."""
         return ()
 
     def change_fleet(self, change: FleetChange) -> None:
-        """The fleet of a recording is as it flew."""
+        """Do nothing: the fleet of a recording is as it flew."""
 
     def accept_held(self, system_ids: Sequence[int]) -> None:
         """Leave what was held in flight."""
 
     def save_mission(self) -> str:
-        """A recording has its own."""
+        """Say that a recording has a mission of its own."""
         return "a recording has its mission in its session.toml"
 
     def take_rival_video(self) -> None:
-        """The video of a flight stays as it was recorded."""
+        """Do nothing: the video of a flight stays as it was recorded."""
 
     def stop(self) -> None:
         """End both threads and close the video, of all cameras."""

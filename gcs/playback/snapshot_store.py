@@ -19,7 +19,7 @@ FASTEST: Final = 1
 
 
 class SnapshotStore:
-    """Grows at its end; may be read by one thread while another one adds. Images and events are left out."""
+    """Snapshots in order of time, without images and events; one thread may read them while another one adds."""
 
     def __init__(self) -> None:
         self._at_us = array("q")
@@ -33,16 +33,16 @@ class SnapshotStore:
 
     @property
     def start_us(self) -> int:
-        """Time of the first one; there must be one."""
+        """Time of the first snapshot; there must be one."""
         return self._at_us[0]
 
     @property
     def stop_us(self) -> int:
-        """Time of the last one; there must be one."""
+        """Time of the last snapshot; there must be one."""
         return self._at_us[-1]
 
     def add(self, at_us: int, snapshot: Snapshot) -> None:
-        """Add the next one.
+        """Add a snapshot at the end.
 
         Args:
             at_us: Its time on the recording's time line; one that is earlier than the last counts as of the same time.
@@ -57,12 +57,12 @@ class SnapshotStore:
             self._at_us.append(max(at_us, self._at_us[-1]) if self._at_us else at_us)
 
     def place(self, t_us: float) -> int:
-        """Number of the newest one at or before a time, -1 before the first."""
+        """Number of the newest snapshot at or before a time, -1 before the first."""
         with self._lock:
             return bisect_right(self._at_us, t_us) - 1
 
     def snapshot(self, place: int) -> Snapshot:
-        """One by its number."""
+        """Return a snapshot by its number."""
         chunk, k = divmod(place, CHUNK)
         with self._lock:
             if chunk == len(self._packed):

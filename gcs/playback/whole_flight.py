@@ -27,17 +27,18 @@ IntArray = NDArray[np.int64]
 FITS = 0.5
 """Probability from which on film and telemetry count as belonging together."""
 _STRETCH_S, _MARGIN_S = 60.0, 30.0
-"""Boxes of so long are named at once, by what was seen from so long before the first to so long after the last, s."""
+"""Boxes of this long are named at once, by what was seen from this long before the first to this long after the last,
+s."""
 _WHOLE_SHARE, _AGREED_SHARE = 0.8, 0.95
 """Weight of the whole flight against what is known of the track by itself, and where it is sure of the name that is the
 track's likeliest, too.
 """
 _AGREED, _LIKELIEST = 0.99, 0.5
 """Probability from which on the whole flight is sure, and that of what is more likely than not."""
-_LEAST_GAIN = 0.97
-"""A stretch counts where it gives so many of the names that are known without it, by their probabilities."""
+_MIN_GAIN = 0.97
+"""Share of the names that are known without it, by their probabilities, which a stretch has to give to count."""
 UNSURE = 0.89
-"""An answer is surer only where both looks at it are: here the whole flight, and the track by itself."""
+"""Highest probability of an answer of which not both, the whole flight and the track by itself, are surer."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,11 +57,6 @@ class KnownFrame:
 
 def by_whole_flight(every: Iterable[KnownFrame], mission: Mission, evidence: FlightEvidence) -> Iterator[KnownFrame]:
     """Name boxes by the whole of a recording.
-
-    Args:
-        every: What is known of each snapshot, in the order of the fold.
-        mission: Who can be named.
-        evidence: What the fold has taken in so far, and goes on to.
 
     Yields:
         The same, with what is known then.
@@ -147,7 +143,7 @@ def _chosen(named: list[KnownFrame], found: SegmentNames, threshold: float) -> l
                 gained += _named_share(pooled[track], threshold)
                 had += _named_share(before, threshold)
         whole.append(replace(known, p=pooled))
-    return whole if gained > _LEAST_GAIN * had else named
+    return whole if gained > _MIN_GAIN * had else named
 
 
 def _named_share(p: FloatArray, threshold: float) -> float:

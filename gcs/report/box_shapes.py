@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from gcs.snapshot import Box
 
 Rect = tuple[float, float, float, float]
-"""Left, top, width, height."""
+"""Rectangle: left, top, width, height."""
 
 FARTHEST_PX: Final = 30_000.0
 """OpenCV counts in 16 bits before the point when it smooths lines."""

@@ -24,12 +24,12 @@ SHAPE: Final = 4 / 3
 """Width over height, as far as there is room."""
 AROUND: Final = 2.4
 """Lengths of the vehicle that are shown: itself and what is beside it."""
-LEAST_PX: Final = 32.0
+MIN_PX: Final = 32.0
 """Smallest piece of the image, px: less shows blurs only."""
 UNSEEN_PX: Final = 120.0
 """Shown around where a vehicle without a box should be: its position is a few metres off."""
 CALMER: Final = 1
-"""It moves to another corner where at least so many more boxes would be uncovered."""
+"""Number of boxes, at least, that another corner must uncover for the inset to move there."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -39,7 +39,7 @@ class Inset:
     rect: Cells
     """Place in the field."""
     part: tuple[float, float, float, float]
-    """Left, top, width, height in the image, px; wholly inside it."""
+    """Part of the image that is enlarged: left, top, width, height in px; wholly inside it."""
     seen: bool
     """True if the vehicle has a box; else this is where it should be."""
 
@@ -82,7 +82,7 @@ def inset_for(
 def _place(snapshot: Snapshot, system_id: int, box: Box | None) -> tuple[tuple[float, float] | None, float]:
     """Centre of what is shown, px, and how much around it."""
     if box is not None:
-        return (box.cx, box.cy), max(AROUND * max(box.w, box.h), LEAST_PX)
+        return (box.cx, box.cy), max(AROUND * max(box.w, box.h), MIN_PX)
     row = next((row for row in snapshot.vehicles if row.system_id == system_id and system_id), None)
     x, y = row.expected_px if row is not None and row.expected_px is not None else (math.nan, math.nan)
     inside = 0 <= x < snapshot.width and 0 <= y < snapshot.height

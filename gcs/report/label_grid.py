@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import Final
 
 Cells = tuple[int, int, int, int]
-"""Left, top, width, height."""
+"""Rectangle of cells: left, top, width, height."""
 Measure = Callable[[str], tuple[int, int]]
 """Width and height of a text."""
 
@@ -40,8 +40,8 @@ class Grid:
 
 
 def line_between(rect: Cells, anchor: Cells) -> tuple[float, float, float, float]:
-    """From a text to its mark: x and y of the nearest point of the text's middle row, and of the ellipse in the mark,
-    since a box that is turned does not reach its corners."""
+    """Return the line from a text to its mark: x and y of the nearest point of the text's middle row, and of the
+    ellipse in the mark, since a box that is turned does not reach its corners."""
     left, top, width, height = rect
     x, y, w, h = anchor
     centre_x, centre_y = x + w / 2, y + h / 2

@@ -19,16 +19,16 @@ RINGS: Final = 5
 """Number of steps that a label may be away from its mark: a line much longer is hard to follow."""
 RING_COST: Final = 2.0
 SHORTER_COST: Final = 100.0
-"""A whole name anywhere is better than a part of it nearby."""
+"""Cost of a shorter text: a whole name anywhere is better than a part of it nearby."""
 ADVANTAGE: Final = 1.5
-"""A label leaves a place that is still free only for one better by this, with room around: else it would flicker."""
+"""Advantage, with room around, for which a label leaves a place that is still free: else it would flicker."""
 IMPROVED_AT_ONCE: Final = 5
-"""Labels that stay look for a better place in turn, so many in each frame: it takes longest."""
+"""Labels that look for a better place in each frame, in turn: it takes longest."""
 LEGEND_SHARE: Final = 3
-"""The legend keeps to the lowest third."""
+"""Part of the picture's height that the legend keeps to: the lowest third."""
 LEGEND_ROUNDS: Final = 4
 COUNTED_NEAR: Final = 6
-"""Labels without a place are counted together within so many steps."""
+"""Steps within which labels without a place are counted together."""
 COUNT_KEY: Final = -1_000_000
 """Keys of counts are this minus the first label's, which is below any other."""
 
@@ -46,7 +46,7 @@ class Label:
     legend: str = ""
     """Explains the texts from ``short`` on, empty where they need no explanation."""
     short: int = 1
-    stressed: bool = False
+    highlighted: bool = False
     """Placed first and with its best text if that is possible at all."""
 
 
@@ -81,7 +81,7 @@ class Labelling:
 
     @property
     def texts(self) -> tuple[Place, ...]:
-        """All that is written."""
+        """Texts that are written."""
         return (*self.places, *self.counts, *self.legend)
 
 
@@ -140,7 +140,7 @@ def leader_of(place: Place) -> tuple[float, float, float, float]:
 
 
 def _inside(label: Label, grid: Grid) -> Label | None:
-    """With the part of the mark that is in the grid."""
+    """Return the label with the part of its mark that is in the grid."""
     x, y, w, h = label.anchor
     left, top, right, bottom = max(0, x), max(0, y), min(x + w, grid.columns), min(y + h, grid.rows)
     if left >= right or top >= bottom:
@@ -167,10 +167,11 @@ def _legend_place(occupied: Occupied, label: Label) -> Place | None:
 
 
 def _place_all(labels: Sequence[Label], occupied: Occupied, former: Labelling) -> tuple[list[Place], list[Label]]:
-    """Those that can stay do, then the others choose, then those in a poor place look for a better one."""
+    """Place all labels: those that can stay do, then the others choose, then those in a poor place look for a better
+    one."""
     placed: dict[int, Place] = {}
     for label in labels:
-        if label.stressed and former.former.get(label.key, (1,))[0] > 0:
+        if label.highlighted and former.former.get(label.key, (1,))[0] > 0:
             place = _search(label, occupied)
         else:
             place = _as_before(label, occupied, former)

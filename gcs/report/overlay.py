@@ -38,10 +38,8 @@ STANDING_RGB: Final[Mapping[Standing, Rgb]] = MappingProxyType(
         "no new frame": (233, 236, 240),
     }
 )
-"""Far enough apart to be distinguished without red, green or blue cones, and bright enough on the dark.
-
-The two of vehicles whose place nobody knows are one colour.
-"""
+"""Colour of each standing: far enough apart to be distinguished without red, green or blue cones, and bright enough on
+the dark. The two of vehicles whose place nobody knows are one colour."""
 DARK: Final[Rgb] = (14, 18, 26)
 """Behind labels and where there is no image."""
 CROWD: Final = 16
@@ -145,12 +143,12 @@ def box_labels(
     crowded = len(snapshot.vehicles) > CROWD
     labels = []
     for key, box, anchor in zip(box_keys(boxes), boxes, anchors, strict=True):
-        shown, stressed = names.get(box.system_id), is_picked(box, *pick)
-        brief = crowded and not stressed and standing_of(snapshot, box) == "confirmed" and not box.stated
+        shown, highlighted = names.get(box.system_id), is_picked(box, *pick)
+        brief = crowded and not highlighted and standing_of(snapshot, box) == "confirmed" and not box.stated
         texts = box_texts(snapshot, box, shown, brief=brief and not is_doubted(snapshot, box))
         legend = shown.legend if shown else ""
         short = 0 if shown is None or shown.name == shown.short else len(texts) // 2
-        labels.append(Label(key=key, anchor=anchor, texts=texts, legend=legend, short=short, stressed=stressed))
+        labels.append(Label(key=key, anchor=anchor, texts=texts, legend=legend, short=short, highlighted=highlighted))
     return labels
 
 
@@ -165,13 +163,7 @@ def box_keys(boxes: Sequence[Box]) -> list[int]:
 def image_inset(
     snapshot: Snapshot, *, scale: float, selected: int, track: int = 0, former: Inset | None = None
 ) -> Inset | None:
-    """Area in which ``draw`` shows the picked vehicle enlarged, below the header; None where that is not known.
-
-    Args:
-        scale: As for ``draw``.
-        selected: As for ``draw``.
-        track: As for ``draw``.
-    """
+    """Area in which ``draw`` shows the picked vehicle enlarged, below the header; None where that is not known."""
     width, height = _size(snapshot, scale)
     top = math.ceil(_text_size("0", _unit(height))[1])
     marks = []

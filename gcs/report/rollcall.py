@@ -41,13 +41,13 @@ class RollCallRow:
     system_id: int
     name: str
     first_named_s: float
-    """Since the first frame that was looked at; NaN: never named."""
+    """Time of the first name since the first frame that was looked at, s; NaN: never named."""
     boxes: int
-    """That got its name."""
+    """Number of boxes that got its name."""
     frames_in_view: int
-    """In which it reported to be where the camera looks, of those that were looked at."""
+    """Number of frames in which it reported to be where the camera looks, of those that were looked at."""
     frames_unknown: int
-    """In which its place or the camera's was not known, of those that were looked at."""
+    """Number of frames in which its place or the camera's was not known, of those that were looked at."""
     share: float
     """Share of the frames in view in which a box had its name, 0 to 1; NaN: never in view."""
     confidence: float
@@ -102,9 +102,9 @@ class _Entry:
     heard: bool = False
     positioned: bool = False
     refused: str = ""
-    """Why the last thing that was refused was."""
+    """Reason of the last refusal."""
     waits_for: str = ""
-    """Why it has no position yet by its own word."""
+    """Reason why it has no position yet by its own word."""
     placed_s: float = 0.0
     """Time of its last position, since the flight's begin: before its first one it is silent from there."""
     silence_s: float = 0.0
@@ -119,14 +119,14 @@ class RollCall:
         unnamed: of these, those without a name.
         attitude_frames: in which the camera's pose was known.
         marks: that the operator made.
-        films: name of the aircraft that filmed.
+        uav_name: name of the aircraft that filmed.
         uav_id: its system id.
         other_views: the same of the flight's further cameras.
     """
 
     def __init__(self, mission: Mission) -> None:
         self.uav_id = mission.uav.system_id
-        self.films = mission.name_of(self.uav_id)
+        self.uav_name = mission.name_of(self.uav_id)
         self.other_views: tuple[RollCall, ...] = ()
         self._names = {i: mission.name_of(i) for i in mission.ugv_ids}
         self._entries = {i: _Entry() for i in mission.ugv_ids}
@@ -135,15 +135,15 @@ class RollCall:
         self._as_flown = True
         self._last_frame = -1
         self._alarms = AlarmHistory()
-        self._told: AlarmCounts | None = None
+        self._reported_alarms: AlarmCounts | None = None
         self.frames = self.boxes = self.unnamed = self.attitude_frames = self.marks = 0
 
     def add(self, snapshot: Snapshot, at_us: int | None = None) -> None:
-        """Take in the next snapshot, with a new frame or without; at_us: see ``watch``."""
-        self.watch(snapshot, at_us)
-        self.look(snapshot)
+        """Take in the next snapshot, with a new frame or without; at_us: see :meth:`add_fleet`."""
+        self.add_fleet(snapshot, at_us)
+        self.add_boxes(snapshot)
 
-    def watch(self, snapshot: Snapshot, at_us: int | None = None) -> None:
+    def add_fleet(self, snapshot: Snapshot, at_us: int | None = None) -> None:
         """Take in how the fleet is: who is heard and has a position, alarms, marks.
 
         Args:
@@ -154,7 +154,7 @@ class RollCall:
             self._begin_us = at_us
         for row in snapshot.vehicles:
             if row.role == "uav":
-                self.films = row.name
+                self.uav_name = row.name
             else:
                 entry = self._entries.setdefault(row.system_id, _Entry())
                 self._names[row.system_id] = row.name
@@ -162,7 +162,7 @@ class RollCall:
         self._alarms.add(at_us, snapshot.alarms)
         self.marks += _marks(snapshot.events)
 
-    def look(self, snapshot: Snapshot) -> None:
+    def add_boxes(self, snapshot: Snapshot) -> None:
         """Take in what is seen, where the snapshot is of a frame that was looked at and did not come before."""
         if snapshot.seen_us != snapshot.t_us or snapshot.frame == self._last_frame:
             return
@@ -196,18 +196,18 @@ class RollCall:
         """The roll call of the camera on an aircraft; of the first one, where none is."""
         return next((calls for calls in (self, *self.other_views) if calls.uav_id == uav_id), self)
 
-    def end(self, frames: int, *, as_flown: bool = True) -> None:
+    def set_frame_count(self, frames: int, *, as_flown: bool = True) -> None:
         """Take in how many frames came, and whether it is known, as of what flew, which of them nobody looked at."""
         self._came, self._as_flown = frames, as_flown
 
-    def tell(self, alarms: Iterable[AlarmSpan], events: Iterable[Event]) -> None:
-        """Take in what a recorded flight itself reported, with what its replay finds besides."""
-        self._told, self.marks = count_alarms(alarms), _marks(events)
+    def set_reports(self, alarms: Iterable[AlarmSpan], events: Iterable[Event]) -> None:
+        """Take in the alarms and marks that a recorded flight itself reported, with what its replay finds besides."""
+        self._reported_alarms, self.marks = count_alarms(alarms), _marks(events)
 
     @property
     def alarms(self) -> AlarmCounts:
-        """That were raised."""
-        return self._told or count_alarms(self._alarms.spans)
+        """Number of alarms that were raised."""
+        return self._reported_alarms or count_alarms(self._alarms.spans)
 
     @property
     def reports(self) -> str:
@@ -222,7 +222,8 @@ class RollCall:
 
     @property
     def skipped(self) -> str:
-        """Those frames in words, empty for none: boxes of others do not tell a frame without any from one skipped."""
+        """Sentence on the frames without boxes, empty for none: boxes of others do not tell a frame without any from
+        one skipped."""
         if self._as_flown or not self.skipped_frames:
             return f"{self.skipped_frames} more frames came and were not looked at" if self.skipped_frames else ""
         return f"{self.skipped_frames} more frames have no boxes: nothing was found in them, or nobody looked"
@@ -234,7 +235,7 @@ class RollCall:
 
     @property
     def span_s(self) -> float:
-        """From the first frame that was looked at to the last."""
+        """Duration from the first frame that was looked at to the last, s."""
         return (self._stop_us - self._start_us) * 1e-6
 
     def after_first_frame(self, frame_us: int) -> str:
@@ -242,7 +243,7 @@ class RollCall:
         return _seconds((frame_us - self._start_us) * 1e-6)
 
     def rows(self) -> list[RollCallRow]:
-        """One a vehicle, in the mission's order."""
+        """Return a row for each vehicle, in the mission's order."""
         return [self._row(system_id, entry) for system_id, entry in self._entries.items()]
 
     def _row(self, system_id: int, entry: _Entry) -> RollCallRow:
@@ -297,7 +298,7 @@ def _marks(events: Iterable[Event]) -> int:
 
 
 def _watch(entry: _Entry, row: VehicleRow, at_s: float) -> None:
-    """Take in how a vehicle is so long after the flight's begin."""
+    """Take in how a vehicle is this long after the flight's begin."""
     entry.heard |= is_heard(row)
     entry.positioned |= row.position_state in ("ok", "stale")
     entry.refused = refused_because(row) or entry.refused

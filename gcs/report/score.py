@@ -52,7 +52,7 @@ class Matched:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Score:
-    """Shares are NaN when there is nothing to take a share of."""
+    """Score of names against the truth; shares are NaN when there is nothing to take a share of."""
 
     frames: int
     ours: int
@@ -72,7 +72,7 @@ class Score:
     ece: float
     """Expected calibration error of the names."""
     ece_all: float
-    """The same of all answers: of a box without a name that it is none of ours."""
+    """Expected calibration error of all answers: also that a box without a name is none of ours."""
     wrong_sure_s: float
     """Vehicle-seconds with a wrong name at confidence ≥ 0.9."""
     false_strangers: float

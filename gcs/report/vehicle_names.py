@@ -14,7 +14,7 @@ from infra.plain_text import plain
 LONGEST_NAME: Final = 40
 """Letters; a longer name is a line of text, not a label."""
 SIGNS: Final = "?~+"
-"""They say how sure a name is, or count labels: a name that begins or ends with one would be misread."""
+"""Characters that say how sure a name is, or count labels: a name that begins or ends with one would be misread."""
 SUMMED_UP: Final = r"(\d+ more, most often: )"
 
 
@@ -25,7 +25,7 @@ class ShownName:
     short: str
     """Short name: the system id, ``UAV`` for the only aircraft; never the same for two."""
     name: str
-    """Its name, else the same as ``short``."""
+    """Name of the vehicle, else the same as ``short``."""
     legend: str
     """Meaning of ``short``, empty where that is clear from the name itself, or the name cannot be shown."""
 
@@ -69,6 +69,6 @@ def text_with_sender(event: Event, name_of: Callable[[int], str]) -> str:
     name = name_of(event.system_id)
     if event.kind != "text":
         return event.text if name in event.text else f"{name}: {event.text}"
-    said = rf"{re.escape(name)}( \((contested|unsigned)\))? says: "
+    prefix = rf"{re.escape(name)}( \((contested|unsigned)\))? says: "
     # a flood is summed up by this program; older recordings have the words alone
-    return event.text if re.match(f"{SUMMED_UP}?{said}", event.text) else f"{name} says: {event.text}"
+    return event.text if re.match(f"{SUMMED_UP}?{prefix}", event.text) else f"{name} says: {event.text}"

@@ -24,6 +24,10 @@ from infra.session_format import IDENTITY
 VERSION = 1
 """Version of the columns, raised when one is renamed or goes. The exports and a batch's tables state it; files of a
 session are of the version of its program, which ``session.toml`` states."""
+BOX, ENU = ("cx", "cy", "w", "h", "angle"), ("east_m", "north_m", "up_m")
+"""Columns that are one list in JSON: ``box`` and ``enu_m``."""
+_WITH_EVIDENCE = ("number", "stated", "doubt", "may_be")
+"""Columns that JSON leaves out where there is nothing to say."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,7 +35,7 @@ class BoxColumn:
     """One column."""
 
     kind: str
-    """Its Arrow type."""
+    """Arrow type of the column."""
     digits: int = 0
     """Decimal places that are kept of a ``double``."""
 
@@ -40,8 +44,6 @@ _ID, _COUNT, _WORDS, _SHARE = BoxColumn("int16"), BoxColumn("int64"), BoxColumn(
 _PIXELS, _RADIANS, _DEGREES = BoxColumn("double", 4), BoxColumn("double", 4), BoxColumn("double", 7)
 _CENTIMETRES, _MILLIMETRES, _SECONDS = BoxColumn("double", 2), BoxColumn("double", 3), BoxColumn("double", 3)
 
-BOX, ENU = ("cx", "cy", "w", "h", "angle"), ("east_m", "north_m", "up_m")
-"""Columns that are one list in JSON: ``box`` and ``enu_m``."""
 COLUMNS = {
     **dict.fromkeys(("time_us", "frame", "track_id"), _COUNT),
     "system_id": _ID,
@@ -64,8 +66,6 @@ COLUMNS = {
 """The columns in their order."""
 OPTIONAL = frozenset(COLUMNS) - {"time_us", "frame", "stated"}
 """Columns whose values can be unknown."""
-_WITH_EVIDENCE = ("number", "stated", "doubt", "may_be")
-"""Columns that JSON leaves out where there is nothing to say."""
 
 
 def box_values(snapshot: Snapshot, box: Box) -> dict[str, Any]:
@@ -107,7 +107,7 @@ def box_values(snapshot: Snapshot, box: Box) -> dict[str, Any]:
 
 
 def text_cell(value: Any, digits: int | None) -> str:  # noqa: ANN401 - what a column holds
-    """A value as a cell of text, a number that is no count with so many decimal places; empty is unknown."""
+    """A value as a cell of text, a number that is no count with this many decimal places; empty is unknown."""
     if digits is not None:
         return f"{value:z.{digits}f}" if math.isfinite(value) else ""
     return "" if value is None else str(int(value)) if value is True or value is False else str(value)
@@ -152,7 +152,7 @@ _CSV = [(name, 2 if name in BOX[:4] else DIGITS[name]) for name in IDENTITY.colu
 
 
 class EvidenceRow(msgspec.Struct, frozen=True):
-    """A row as JSON has it."""
+    """Row of the evidence as JSON has it."""
 
     time_us: int
     frame: int

@@ -29,8 +29,8 @@ SEARCH_US = 1_000_000
 """Steps of a second and more are found in the stamps themselves, where record numbers are off because of damage."""
 SEARCH_ROWS = 5000
 NEAR_US = 5_000_000
-MOST_STEPS = 1000
-"""More are not followed: each is searched for in all records."""
+MAX_STEPS = 1000
+"""Most steps that are followed: each is searched for in all records."""
 NOTICED_US = 2_000_000
 """Stamps that leap by less, either way, are no sign that the clock was set."""
 FAR_BACK_US, FAR_AHEAD_US = 1_800_000_000, 86_400_000_000
@@ -68,8 +68,8 @@ class ClockSteps:
         if not segments(path):
             return cls.none()
         table = read_table(path, CLOCK, without=("offset_us",))
-        columns = {name: column[:MOST_STEPS].astype(np.int64) for name, column in table.columns.items()}
-        return cls(**columns, skipped=table.skipped + max(len(table) - MOST_STEPS, 0))
+        columns = {name: column[:MAX_STEPS].astype(np.int64) for name, column in table.columns.items()}
+        return cls(**columns, skipped=table.skipped + max(len(table) - MAX_STEPS, 0))
 
     def __len__(self) -> int:
         return len(self.record)
@@ -82,11 +82,7 @@ class ClockSteps:
         return t_us
 
     def correct_frames(self, stamped_us: Ints, start_us: int) -> Ints:
-        """(n,) stamps of frames on the same time line.
-
-        Args:
-            stamped_us: in the order of the frames.
-        """
+        """(n,) stamps of frames on the same time line."""
         t_us = stamped_us.copy()
         for new_us, step_us in zip(self.t_us.tolist(), self.step_us.tolist(), strict=True):
             old_us = new_us - step_us
@@ -99,12 +95,12 @@ class ClockSteps:
                 t_us -= step_us  # the first frame came after the step
         return t_us
 
-    def correct_events(self, stamped_us: Ints, told: NDArray[np.bool_]) -> Ints:
+    def correct_events(self, stamped_us: Ints, is_step: NDArray[np.bool_]) -> Ints:
         """(n,) stamps of events on the same time line.
 
         Args:
             stamped_us: in the order in which they were written.
-            told: (n,) whether an event is that the clock was set.
+            is_step: (n,) whether an event is that the clock was set.
         """
         t_us, first = stamped_us.copy(), 0
         for new_us, step_us in zip(self.t_us.tolist(), self.step_us.tolist(), strict=True):
@@ -113,7 +109,7 @@ class ClockSteps:
                 after = left > new_us - step_us // 2
             else:
                 after = left < np.maximum.accumulate(left) + step_us // 2
-                after |= told[first:] & (np.abs(left - new_us) < NEAR_US)
+                after |= is_step[first:] & (np.abs(left - new_us) < NEAR_US)
             if after.any():
                 first += int(np.argmax(after))
                 t_us[first:] -= step_us

@@ -29,6 +29,10 @@ VIDEO_AWAITED = "video waiting"
 _LEVELS: Mapping[Level, int] = {"info": logging.INFO, "warning": logging.WARNING, "alarm": logging.ERROR}
 
 _log = logging.getLogger(__name__)
+_Track = Annotated[int, msgspec.Meta(ge=1, le=1 << 40)]
+_Frame = Annotated[int, msgspec.Meta(ge=0, le=1 << 31)]
+_SystemId = Annotated[int, msgspec.Meta(ge=1, le=255)]
+_Pixel = Annotated[float, msgspec.Meta(ge=-1e6, le=1e6)]
 
 
 class EventLog:
@@ -83,12 +87,6 @@ def _statement_row(statement: Statement) -> dict[str, int | float | bool | None]
     }
 
 
-_Track = Annotated[int, msgspec.Meta(ge=1, le=1 << 40)]
-_Frame = Annotated[int, msgspec.Meta(ge=0, le=1 << 31)]
-_SystemId = Annotated[int, msgspec.Meta(ge=1, le=255)]
-_Pixel = Annotated[float, msgspec.Meta(ge=-1e6, le=1e6)]
-
-
 class _StatementRow(msgspec.Struct, frozen=True):
     """Statement of the operator, as it is read."""
 
@@ -126,7 +124,7 @@ class _ChangeRow(msgspec.Struct, frozen=True):
 
 
 class _Row(msgspec.Struct, frozen=True):
-    """A line as it is read; unknown keys are passed over."""
+    """Line of the event log as it is read; unknown keys are passed over."""
 
     time_us: int
     level: Level
@@ -182,8 +180,8 @@ def read_statements(folder: Path, ugv_ids: Collection[int]) -> list[Statement]:
 
     Segments that cannot be read are passed over, as bad lines are: a replay reports both where it shows the events.
     """
-    said = (event.statement for event in _all_events(folder))
-    return [each for each in said if each is not None and each.system_id in (0, *ugv_ids)]
+    found = (event.statement for event in _all_events(folder))
+    return [each for each in found if each is not None and each.system_id in (0, *ugv_ids)]
 
 
 def read_changes(folder: Path) -> tuple[FleetChange, ...]:
@@ -193,8 +191,10 @@ def read_changes(folder: Path) -> tuple[FleetChange, ...]:
 
 def video_awaited_us(folder: Path) -> float:
     """Unix time from which a flight waited for a video, µs; infinite where it did not say so."""
-    said = (event.t_us for event in _all_events(folder) if event.kind == "video" and event.text.endswith(VIDEO_AWAITED))
-    return next(said, math.inf)
+    found = (
+        event.t_us for event in _all_events(folder) if event.kind == "video" and event.text.endswith(VIDEO_AWAITED)
+    )
+    return next(found, math.inf)
 
 
 def _all_events(folder: Path) -> Iterator[Event]:

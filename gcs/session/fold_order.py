@@ -19,7 +19,7 @@ from infra.files.segment import segments
 from infra.session_format import FOLDS, UNFOLDED
 
 NO_FRAME = -1
-"""In place of a frame: the fleet alone was looked at."""
+"""Number in place of a frame's where the fleet alone was looked at."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -33,11 +33,11 @@ class FoldTurn:
     record_us: int
     """Stamp of the one before it, 0 before any: shows whether the log still numbers its records alike."""
     heard_us: int
-    """Whatever came before this Unix time had been taken in; 0: not known."""
+    """Unix time before which all telemetry had been taken in, µs; 0: not known."""
     frame: int = NO_FRAME
     """Frame of the video, or ``NO_FRAME``."""
     boxes: int | None = None
-    """Found in the frame; None: there was none, or the detector failed."""
+    """Number of boxes in the frame; None: there was none, or the detector failed."""
     size: tuple[int, int] | None = None
     """Width and height of its image, px; None: there was none."""
 
@@ -116,9 +116,6 @@ class FoldOrder:
         """(n,) how many records of a log come before each turn, and of how many turns the numbers are another log's.
 
         A log that lost records, on a failing disk, numbers them differently from the flight: then their times decide.
-
-        Args:
-            stamped_us: of the log's records.
         """
         records = np.array([turn.records for turn in self.turns], dtype=np.int64)
         record_us = np.array([turn.record_us for turn in self.turns], dtype=np.int64)

@@ -20,8 +20,10 @@ from mavlink.tlog.timestamps import times_ok
 from vision.detect.detections import Detections
 from vision.motion.image_motion import ImageMotion
 
-MOST_MISSING, ROOMY = 100_000, 64
+MAX_MISSING, ROOMY = 100_000, 64
 """Frames that may lack their row, at once and for each row that there is: bounds the memory of a frame index."""
+NOWHERE = [-1.0, -1.0, -1.0, -1.0]
+"""Part of a frame in which nothing was looked at: one without a row was looked at as a whole."""
 
 
 def frame_row(index: int, t_us: int) -> str:
@@ -56,7 +58,7 @@ def read_times(path: Path) -> FrameTimes:
     unordered = int(np.count_nonzero(np.diff(table["frame"]) < 0))
     frame, first = np.unique(table["frame"].astype(np.int64), return_index=True)
     time_us = table["time_us"][first].astype(np.int64)
-    keep = frame < ROOMY * len(frame) + MOST_MISSING
+    keep = frame < ROOMY * len(frame) + MAX_MISSING
     frame, time_us = frame[keep], time_us[keep]
     if not len(frame):
         raise SessionError(
@@ -78,10 +80,6 @@ def detection_rows(frame: int, detections: Detections) -> str:
     """Lines of ``detections.csv``, to the last digit: a replay folds the very same numbers."""
     cells = [["" if math.isnan(value) else repr(value) for value in box] for box in detections.table.T.tolist()]
     return "".join(f"{frame},{','.join(box)}\n" for box in cells)
-
-
-NOWHERE = [-1.0, -1.0, -1.0, -1.0]
-"""Part of a frame in which nothing was looked at: one without a row was looked at as a whole."""
 
 
 def look_rows(frame: int, detections: Detections) -> str:

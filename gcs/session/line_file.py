@@ -1,4 +1,4 @@
-"""Text files written line by line: of a job, which an error ends; and of a flight, which goes on.
+"""Text files written line by line. Those of a job end with an error; those of a flight go on.
 
 A flight's lines outlive a full or failing disk, and a disk that hangs blocks nothing.
 """
@@ -17,9 +17,9 @@ from infra.files.record_state import RecordState
 from infra.files.write_buffer import Chunk, WriteBuffer
 
 RAM_BYTES = 16 << 20
-"""Over a minute of the evidence of twenty boxes at thirty frames a second."""
+"""Memory for lines that wait, bytes: over a minute of the evidence of twenty boxes at thirty frames a second."""
 HANG_S = 5.0
-"""Closing waits so long for a disk that hangs, counted from when it began to."""
+"""Time that closing waits for a disk that hangs, counted from when it began to, s."""
 
 
 class Lines(Protocol):
@@ -32,7 +32,7 @@ class Lines(Protocol):
         """Hand them to the system."""
 
     def close(self) -> None:
-        """Let go of the file."""
+        """Close the file."""
 
 
 def open_new(path: Path, header: str = "") -> TextIO:

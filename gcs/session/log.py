@@ -26,9 +26,13 @@ from mavlink.errors import TlogError
 from mavlink.protocol.packet import Auth, Packet
 from mavlink.tlog.log import Tlog
 
+Ints = NDArray[np.int64]
+Flags = NDArray[np.bool_]
+
 _NUMBERS = SENDERS.columns.index("address")
 """The columns before are numbers, those from there on are words."""
 _BOUND = 1 << 62
+_SILENT = f"{LOG}: nothing was received in flight; there is only the video"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -118,12 +122,6 @@ def _parse_row(cells: list[str]) -> tuple[tuple[int, ...], tuple[str, str]] | No
     except ValueError:
         return None
     return (numbers, (address, name)) if all(0 <= number < _BOUND for number in numbers) else None
-
-
-Ints = NDArray[np.int64]
-Flags = NDArray[np.bool_]
-
-_SILENT = f"{LOG}: nothing was received in flight; there is only the video"
 
 
 class SessionLog:
@@ -229,7 +227,7 @@ class SessionLog:
             start += int(np.count_nonzero(keep))
 
     def _of_each(self, column: str) -> list[NDArray[Any]]:
-        """A column of the kept records of each segment."""
+        """Yield a column of the kept records of each segment."""
         return [getattr(log.index, column)[keep] for log, keep in zip(self._logs, self._keep, strict=True)]
 
     def _find_warnings(self) -> Iterator[str]:

@@ -26,7 +26,7 @@ from gcs.session.log import SessionLog
 from infra.files.safe_open import create, open_folder, open_to_read
 from infra.files.segment import segments
 from infra.session_format import LOG, METADATA
-from infra.toml_tables import MOST_TOML_BYTES, parse_toml, toml_text
+from infra.toml_tables import MAX_TOML_BYTES, parse_toml, toml_text
 from mavlink.errors import TlogError
 from mavlink.signing.keys import KeyRing
 
@@ -34,8 +34,8 @@ Kind = TypeVar("Kind")
 
 PROGRAM = f"rollcall-gcs {version('rollcall-gcs')}"
 FLEET = "fleet"
-"""In place of a system id: the key of all who have none of their own."""
-MOST_COUNTED_BYTES = 8 << 30
+"""Word in place of a system id: the key of all who have none of their own."""
+MAX_COUNTED_BYTES = 8 << 30
 """A day at 100 kB/s; to count the records of more would take minutes."""
 
 
@@ -69,7 +69,7 @@ class FlightNotes:
 
     @classmethod
     def from_table(cls, table: object) -> FlightNotes:
-        """From the ``[session]`` table; what is not of the right kind is left out."""
+        """Read the ``[session]`` table; what is not of the right kind is left out."""
         if not isinstance(table, Mapping):
             return cls()
         refused = table.get("refused")
@@ -116,8 +116,10 @@ def import_rows(table: object) -> Iterator[tuple[str, str]]:
     for each in _sources(table):
         yield str(each.get("role", "")), str(each.get("name", ""))
         for what in ("clock", "read", "assumed"):
-            told = each.get(what)
-            yield from ((what, text) for text in (told if isinstance(told, list) else [told]) if isinstance(text, str))
+            values = each.get(what)
+            yield from (
+                (what, text) for text in (values if isinstance(values, list) else [values]) if isinstance(text, str)
+            )
         yield from (("left out", f"{n} {reason}") for reason, n in _values_of(int, each.get("left_out")).items())
 
 
@@ -187,7 +189,7 @@ class SessionFile:
         self._fd = self._folder = -1
 
     def _write(self) -> None:
-        # one that was deleted is made anew under its name; where a link has taken its place it stays where it is
+        # one that was deleted is made again under its name; where a link has taken its place it stays where it is
         folder = os.dup(self._folder) if self._path.parent.is_symlink() else open_folder(self._path.parent)
         try:
             fd = _replace(folder, mission_table(self._mission, self._notes))
@@ -202,9 +204,6 @@ def _replace(folder: int, text: str) -> int:
     """Put a new file in the place of the old one, in one step and locked from the start; returns it open.
 
     The new file has a random name, so that no link can have been put in its place.
-
-    Args:
-        folder: descriptor of the session's folder.
     """
     new = f"{METADATA}.{secrets.token_hex(8)}.new"
     fd = create(new, folder=folder)
@@ -231,7 +230,7 @@ class Interrupted:
     ended: datetime | None = None
     """Time at which its last file was written; None where that could not be found out."""
     trouble: str = ""
-    """Why it could not be sealed; empty: it was."""
+    """Reason why it could not be sealed; empty: it was."""
 
     @property
     def text(self) -> str:
@@ -288,9 +287,9 @@ def _seal_locked(folder: Path, at: int) -> Interrupted | None:
         fcntl.flock(fd, fcntl.LOCK_EX | fcntl.LOCK_NB)
         if os.fstat(fd).st_ino != os.stat(METADATA, dir_fd=at, follow_symlinks=False).st_ino:
             return None  # sealed by another process a moment ago
-        data = file.read(MOST_TOML_BYTES + 1)
-        if len(data) > MOST_TOML_BYTES:
-            return Interrupted(folder=folder, trouble=f"{METADATA}: larger than {MOST_TOML_BYTES >> 10} KiB")
+        data = file.read(MAX_TOML_BYTES + 1)
+        if len(data) > MAX_TOML_BYTES:
+            return Interrupted(folder=folder, trouble=f"{METADATA}: larger than {MAX_TOML_BYTES >> 10} KiB")
         table = parse_toml(data, METADATA)
         notes = table.get("session", {})
         return _seal(folder, at, table) if "started" in notes and "ended" not in notes else None
@@ -312,7 +311,7 @@ def _seal(folder: Path, at: int, table: dict[str, Any]) -> Interrupted:
 def _records(folder: Path) -> int | None:
     path = folder / LOG
     try:
-        if sum(part.stat().st_size for part in segments(path)) > MOST_COUNTED_BYTES:
+        if sum(part.stat().st_size for part in segments(path)) > MAX_COUNTED_BYTES:
             return None
         return len(SessionLog(path))
     except (TlogError, SessionError):

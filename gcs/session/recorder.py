@@ -56,11 +56,11 @@ from vision.motion.image_motion import ImageMotion
 
 SYNC_S = 0.5
 SETTLE_S = 0.05
-"""A look at the files waits so long, all together, for lines that are just being written."""
+"""A look at the files waits this long, all together, for lines that are just being written."""
 GROWTH_S, SHORTEST_GROWTH_S = 300.0, 5.0
 """Growth is measured over the last five minutes, so that the answer is calm, and over five seconds at least."""
 SLOW_S = 2.0
-"""A disk that has not confirmed for so long is slow."""
+"""A disk that has not confirmed for this long is slow."""
 
 
 class RecordingEvents:
@@ -255,13 +255,9 @@ class Recorder(ViewRecorder):
         return folder
 
     def check(self, telemetry: RecordState | None = None) -> tuple[Event, ...]:
-        """Events about files and disk since the last call; to be called once a second or more often.
-
-        Args:
-            telemetry: state of the log, which the process of the links writes.
-        """
+        """Events about files and disk since the last call; to be called once a second or more often."""
         self._session.restore()
-        with contextlib.suppress(OSError):  # a folder that was deleted is being made anew
+        with contextlib.suppress(OSError):  # a folder that was deleted is being made again
             self._free_bytes = shutil.disk_usage(self.folder).free
         t_us, settled_s = now_us(), time.monotonic() + SETTLE_S
         for file in self._files:
@@ -290,11 +286,7 @@ class Recorder(ViewRecorder):
         return size
 
     def close(self, telemetry: RecordState | None = None, **notes: int) -> tuple[str, ...]:
-        """Write what still waits and seal the session; returns what was lost, a line each.
-
-        Args:
-            telemetry: state of the log after the process of the links has ended.
-        """
+        """Write what still waits and seal the session; returns what was lost, a line each."""
         self._flusher.stop()
         for file in self._files:
             file.close()

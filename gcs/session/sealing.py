@@ -19,11 +19,11 @@ from infra.plain_text import plain
 
 ROOT = str(Path(__file__).resolve().parents[2])
 NICENESS = 10
-"""The flight's processes go first."""
+"""Niceness of the process: the flight's processes go first."""
 LONGEST_S = 120
-"""For one session: a log of 8 GB takes 16 s of processor."""
+"""Longest time to seal one session, s: a log of 8 GB takes 16 s of processor."""
 END_S = 2.0
-"""A flight that ends waits so long for a session that is being looked into; the next flight seals the others."""
+"""Time for which a flight that ends waits for a session that is being looked into; the next flight seals the others."""
 
 
 class Sealing:
@@ -49,7 +49,7 @@ class Sealing:
         self._thread.start()
 
     def close(self) -> None:
-        """End it, after a moment's patience; each session is sealed in one step, or left as it was."""
+        """Stop the process, after a moment's patience; each session is sealed in one step, or left as it was."""
         with contextlib.suppress(subprocess.TimeoutExpired):
             self._child.wait(END_S)
         self._child.kill()
@@ -73,7 +73,7 @@ def main() -> None:
 
 
 def _seal_in_child(folder: Path) -> None:
-    """One session in a process of its own: what is in it may cost that process, and no more than its time."""
+    """Seal one session in a process of its own: what is in it may cost that process, and no more than its time."""
     child = os.fork()
     if child:
         os.waitpid(child, 0)

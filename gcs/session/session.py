@@ -55,7 +55,7 @@ class Session:
     motion: Path | None = None
     """Motion of the camera between frames, by their pixels."""
     folds: Path | None = None
-    """In which order the flight took in telemetry and frames."""
+    """File with the order in which the flight took in telemetry and frames."""
     frame_size: tuple[int, int] | None = None
     """Width and height of the frames, px, as given by the user; None: as recorded."""
     notes: FlightNotes = field(default_factory=FlightNotes)

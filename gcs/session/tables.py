@@ -21,15 +21,17 @@ from infra.files.segment import segments
 from infra.session_format import TableFormat
 from infra.text_numbers import number
 
-MOST_ROW_CHARS = 4096
+MAX_ROW_CHARS = 4096
 """Our rows have less than 200."""
-MOST_BOXES = 1000
+MAX_BOXES = 1000
 """Maximum boxes of one frame: fifty times a large fleet; comparing boxes takes the square of their number in memory."""
 _LATEST_US = 4_102_444_800_000_000  # the year 2100
-_MOST_RECORDS = 1 << 40
-_MOST_FRAMES = (1 << 31) - 1
-_MOST_PX = 1 << 14
+_MAX_RECORDS = 1 << 40
+_MAX_FRAMES = (1 << 31) - 1
+_MAX_PX = 1 << 14
 _FAR, _FAR_RAD = 1e6, 1e3
+_AROUND = ' \t\r\n"\ufeff'
+"""Characters around numbers that other programs write: quotation marks, and a byte order mark before the first."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,23 +44,23 @@ class _Range:
 
 
 _RANGES: Mapping[str, _Range] = {
-    "frame": _Range(0, _MOST_FRAMES, whole=True),
+    "frame": _Range(0, _MAX_FRAMES, whole=True),
     "camera": _Range(0, 511, whole=True),  # those on masts come after the 255 of MAVLink
-    "of_frame": _Range(0, _MOST_FRAMES, whole=True),
-    "record": _Range(0, _MOST_RECORDS, whole=True),
+    "of_frame": _Range(0, _MAX_FRAMES, whole=True),
+    "record": _Range(0, _MAX_RECORDS, whole=True),
     "time_us": _Range(0, _LATEST_US, whole=True),
     "t_us": _Range(0, _LATEST_US, whole=True),
     "heard_us": _Range(0, _LATEST_US, whole=True),
     "record_us": _Range(0, _LATEST_US, whole=True),
-    "records": _Range(0, _MOST_RECORDS, whole=True),
-    "count": _Range(0, _MOST_RECORDS, whole=True),
-    "boxes": _Range(0, MOST_BOXES, whole=True),
-    "width": _Range(1, _MOST_PX, whole=True),
-    "height": _Range(1, _MOST_PX, whole=True),
+    "records": _Range(0, _MAX_RECORDS, whole=True),
+    "count": _Range(0, _MAX_RECORDS, whole=True),
+    "boxes": _Range(0, MAX_BOXES, whole=True),
+    "width": _Range(1, _MAX_PX, whole=True),
+    "height": _Range(1, _MAX_PX, whole=True),
     "step_us": _Range(-_LATEST_US, _LATEST_US, whole=True),
     "auth": _Range(0, 255, whole=True),
     "system_id": _Range(0, 255, whole=True),
-    "track_id": _Range(0, _MOST_RECORDS, whole=True),
+    "track_id": _Range(0, _MAX_RECORDS, whole=True),
     "cx": _Range(-_FAR, _FAR),
     "cy": _Range(-_FAR, _FAR),
     "w": _Range(0, _FAR),
@@ -68,8 +70,8 @@ _RANGES: Mapping[str, _Range] = {
     "score": _Range(0, _FAR),
     "confidence": _Range(0, 1),
     **{name: _Range(-_FAR, _FAR) for name in ("h11", "h12", "h13", "h21", "h22", "h23", "h31", "h32")},
-    "std_px": _Range(0, _MOST_PX),
-    "inliers": _Range(0, _MOST_RECORDS, whole=True),
+    "std_px": _Range(0, _MAX_PX),
+    "inliers": _Range(0, _MAX_RECORDS, whole=True),
     "share": _Range(0, 1),
     "lat": _Range(-90, 90),
     "lon": _Range(-180, 180),
@@ -101,9 +103,6 @@ def read_table(path: Path, form: TableFormat, *, without: Collection[str] = ()) 
     A row counts as bad when a required cell is empty or no number, an optional one is neither empty nor a number, when
     a number is none that its column can hold, or when its frame has a thousand boxes already.
 
-    Args:
-        path: of the table, or of its first segment.
-
     Raises:
         SessionError: no such file, no header, or a required column is missing.
     """
@@ -121,7 +120,7 @@ def _read_file(path: Path, required: Sequence[str], optional: Sequence[str]) -> 
     """One segment of a table."""
     try:
         with os.fdopen(open_to_read(path), encoding="utf-8", errors="replace") as file:
-            header = [name.strip(_AROUND) for name in file.readline(MOST_ROW_CHARS).split(",")]
+            header = [name.strip(_AROUND) for name in file.readline(MAX_ROW_CHARS).split(",")]
             missing = [name for name in required if name not in header]
             if missing:
                 raise SessionError(
@@ -155,15 +154,11 @@ def _joined(table: Table, later: Table) -> Table:
     return Table(columns={name: whole[:, k] for k, name in enumerate(names)}, skipped=table.skipped + later.skipped)
 
 
-_AROUND = ' \t\r\n"\ufeff'
-"""Other programs put numbers in quotation marks, and a byte order mark before the first."""
-
-
 def _rows(file: TextIO) -> Iterator[list[str]]:
     """Cells of each line; of a line too long to be a row, none."""
-    pieces = iter(partial(file.readline, MOST_ROW_CHARS), "")
+    pieces = iter(partial(file.readline, MAX_ROW_CHARS), "")
     for line in pieces:
-        whole = line.endswith("\n") or len(line) < MOST_ROW_CHARS
+        whole = line.endswith("\n") or len(line) < MAX_ROW_CHARS
         if whole and line.strip():
             yield line.split(",")
         elif not whole:
@@ -208,5 +203,5 @@ def _not_crowded(frame: NDArray[np.float64]) -> NDArray[np.bool_]:
     new = np.diff(frame[order], prepend=-1.0) != 0
     first = np.maximum.accumulate(np.where(new, np.arange(len(frame)), 0))
     few = np.empty(len(frame), dtype=np.bool_)
-    few[order] = np.arange(len(frame)) - first < MOST_BOXES
+    few[order] = np.arange(len(frame)) - first < MAX_BOXES
     return few

@@ -12,12 +12,12 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 
 from gcs.flight.listening import Listening
-from gcs.mission.roster import Found, Role
+from gcs.mission.roster import FleetChoice, Role
 from gcs.report.rollcall import RollCall
 from gcs.station import Station
 from gcs.tui.app import RollcallApp
 from gcs.tui.draw.pixels import Graphics
-from gcs.tui.terminal.terminal_app import MOST_FPS
+from gcs.tui.terminal.terminal_app import MAX_FPS
 from gcs.tui.themes import ThemeName
 
 __all__ = ["Ended", "RollcallApp", "run", "run_start"]
@@ -39,7 +39,7 @@ def run(
     *,
     bell: bool = False,
     theme: ThemeName = "dark",
-    fps: float = MOST_FPS,
+    fps: float = MAX_FPS,
     calls: RollCall | None = None,
     to_end: Callable[[], bool] = lambda: False,
     hung_up: Callable[[], bool] = lambda: False,
@@ -75,7 +75,7 @@ def run_start(
     theme: ThemeName,
     to_end: Callable[[], bool],
     hung_up: Callable[[], bool],
-) -> Found | None:
+) -> FleetChoice | None:
     """Show who is heard until the operator flies, or quits: None. As of :class:`gcs.tui.start_app.StartApp`."""
     from gcs.tui.start_app import StartApp
 

@@ -42,12 +42,7 @@ def keys_of(binding: Binding) -> str:
 
 
 def actions(panes: Sequence[Pane], *, live: bool) -> Iterator[Action]:
-    """All actions of the app, then those of each pane on screen or not.
-
-    Args:
-        panes: Of the app.
-        live: A flight, without the actions of replays; else a replay, without those of flights.
-    """
+    """All actions of the app, then those of each pane on screen or not."""
     for title, bindings in GROUPS:
         if title != "Replay" or not live:
             for each in (each for each in bindings if live or each.action not in LIVE_ACTIONS):
@@ -64,12 +59,12 @@ class ActionProvider(Provider):
     """The command palette's list: every action of the app and of the panes on screen, and every vehicle."""
 
     async def discover(self) -> Hits:
-        """All of them."""
+        """Offer all actions."""
         for action in self._offered():
             yield DiscoveryHit(_shown(action, Content(action.words)), self._runner(action), action.words)
 
     async def search(self, query: str) -> Hits:
-        """Those whose words are like the typed ones."""
+        """Offer the actions whose words are like the typed ones."""
         matcher = self.matcher(query)
         for action in self._offered():
             if (score := matcher.match(action.words)) > 0:

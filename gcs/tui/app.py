@@ -1,4 +1,4 @@
-"""The station's app: polls for snapshots, hands them to the panes, turns keys into wishes."""
+"""The station's app: polls for snapshots, hands them to the panes, turns keys into requests."""
 
 from __future__ import annotations
 
@@ -53,12 +53,12 @@ from gcs.tui.screens.practising import ask_for_trouble
 from gcs.tui.screens.preflight import PreflightScreen
 from gcs.tui.screens.prompts import Prompt, ask_for_rival_video
 from gcs.tui.screens.saving import ask_to_save_screen, save_still
-from gcs.tui.terminal.terminal_app import MOST_FPS
+from gcs.tui.terminal.terminal_app import MAX_FPS
 from gcs.tui.themes import ThemeName
 from mavlink.geodesy import LocalFrame
 from vision.errors import VisionError
 
-POLL_S = 1 / MOST_FPS
+POLL_S = 1 / MAX_FPS
 COUNT_S = 2.0
 
 
@@ -87,7 +87,7 @@ class RollcallApp(ReplayApp):
         graphics: Graphics = "auto",
         bell: bool = False,
         theme: ThemeName = "dark",
-        fps: float = MOST_FPS,
+        fps: float = MAX_FPS,
         calls: RollCall | None = None,
     ) -> None:
         """Show a station.
@@ -187,7 +187,7 @@ class RollcallApp(ReplayApp):
         self._offered = tell_newcomers(self, self._station.newcomers(), self._offered)
 
     def _count_names(self) -> None:
-        """For how long each vehicle was named; not at every poll, since it changes slowly."""
+        """Count for how long each vehicle was named; not at every poll, since it changes slowly."""
         if self._timeline is not None and self._station.timeline is not None and self.snapshot is not None:
             ours = [row.system_id for row in self.snapshot.vehicles if row.role == "ugv"]
             self._identity.named_for = playback.shares_named(self._station.timeline, ours)
@@ -221,7 +221,7 @@ class RollcallApp(ReplayApp):
         self._panes.toggle(pane)
 
     def action_acknowledge(self) -> None:
-        """Every alarm that is on now has been seen."""
+        """Acknowledge every alarm that is on now."""
         self._alarms.acknowledge(self._alarms.alarms)
 
     @property
@@ -262,7 +262,7 @@ class RollcallApp(ReplayApp):
         ask_for_rival_video(self, self._station, self.snapshot)
 
     def action_layout(self, layout: int) -> None:
-        """One of three layouts."""
+        """Choose one of three layouts."""
         self._panes.choose(layout)
 
     def action_maximise(self) -> None:
@@ -379,7 +379,7 @@ class RollcallApp(ReplayApp):
         self.push_screen(ask, lambda words: None if words is None else setattr(self._events, "words", words))
 
     def action_help(self) -> None:
-        """All keys, marks and colours."""
+        """Show all keys, marks and colours."""
         self.push_screen(HelpScreen(actions(self._panes.panes, live=self._station.timeline is None)))
 
     def action_mark(self) -> None:
@@ -397,10 +397,10 @@ class RollcallApp(ReplayApp):
     def action_save_mission(self) -> None:
         """Save who flies as a mission file."""
         try:
-            told = self._station.save_mission()
+            result = self._station.save_mission()
         except OSError as error:
-            told = f"the mission cannot be saved here: {error.strerror}"
-        self.notify(told, timeout=6, markup=False)
+            result = f"the mission cannot be saved here: {error.strerror}"
+        self.notify(result, timeout=6, markup=False)
 
     def action_leave(self) -> None:
         """Quit a replay, or a flight that is over; ask before a flight is ended."""
@@ -430,10 +430,10 @@ class RollcallApp(ReplayApp):
         self._station.acknowledge(message.alarms)
 
     def on_vehicle_picked(self, message: VehiclePicked) -> None:
-        """A pane was clicked."""
+        """Pick what was clicked in a pane."""
         self._pick(message.system_id, message.track_id)
 
     def on_seek_to(self, message: SeekTo) -> None:
-        """The timeline was clicked."""
+        """Seek to where the timeline was clicked."""
         if self._station.timeline is not None:
             self._station.timeline.seek(message.t_us)

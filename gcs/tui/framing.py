@@ -17,18 +17,18 @@ from gcs.report.box_shapes import Rect, box_bounds, drawable
 from gcs.snapshot import Box, Snapshot
 from gcs.tui.picking import picked_box
 
-LEAST_SHARE: Final = 0.3
+MIN_SHARE: Final = 0.3
 """Least share of the image's width and height that is shown: a vehicle without its surroundings is nowhere."""
 AROUND: Final = 0.9
 """Lengths of the longest box that are kept free around what is to be seen; half of it once a part is chosen."""
-LEAST_AROUND: Final = 0.04
-"""The same as a share of the image's width, where there are small boxes or none."""
+MIN_AROUND: Final = 0.04
+"""Least free space around what is to be seen, as a share of the image's width, where there are small boxes or none."""
 STRANGER: Final = 0.5
 """Probability of being none of ours up to which a tracked box without a name is to be seen too."""
 LOOSE: Final = 1.5
-"""A part that is so many times wider than needed is given up for a closer one,"""
+"""Factor by which a part may be wider than needed before it is given up for a closer one."""
 LOOSE_US: Final = 3_000_000
-"""once it has been that for so long."""
+"""Time for which a part must have been that wide."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -36,11 +36,11 @@ class PictureRegion:
     """A part of the image."""
 
     rect: tuple[int, int, int, int]
-    """Left, top, width, height, wholly inside the image."""
+    """Rectangle of the region: left, top, width, height, wholly inside the image."""
     shape: float
     """Width over height of the field that it was chosen for."""
     loose_since_us: int = 0
-    """Since when a closer one would do, Unix µs, 0: it would not."""
+    """Time since which a closer one would do, Unix µs, 0: it would not."""
 
 
 def frame_for(
@@ -61,9 +61,9 @@ def frame_for(
     sides = np.array(rects)
     low, high = sides[:, :2].min(axis=0), (sides[:, :2] + sides[:, 2:]).max(axis=0)
     longest = float(np.hypot(sides[:, 2], sides[:, 3]).max())
-    around = max(AROUND * longest, LEAST_AROUND * snapshot.width)
+    around = max(AROUND * longest, MIN_AROUND * snapshot.width)
     width, height = high - low + 2 * around
-    width = min(max(width, height * shape, LEAST_SHARE * snapshot.width), float(snapshot.width))
+    width = min(max(width, height * shape, MIN_SHARE * snapshot.width), float(snapshot.width))
     height = min(max(height, width / shape), float(snapshot.height))
     if former is not None and former.shape == shape and _holds(former, low, high, around / 2, snapshot):
         if former.rect[2] < LOOSE * width:

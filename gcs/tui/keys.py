@@ -140,7 +140,7 @@ LIVE_HINTS: Final = (
 )
 """Keys and a word for the last row, the most needed first."""
 COMMAND_HINTS: Final = (*LIVE_HINTS[:2], ("u", "command"), *LIVE_HINTS[2:])
-"""The same for a station that may command."""
+"""Equivalent of ``LIVE_HINTS`` for a station that may command."""
 REPLAY_HINTS: Final = (
     ("q", "quit"),
     ("?", "help"),
@@ -180,7 +180,7 @@ _KEYS_BY_SIGN: Final = {format_key(key): key for binding in BINDINGS for key in 
 }
 
 
-MOST_HINTS: Final = 6
+MAX_HINTS: Final = 6
 HELP_HINT: Final = ("?", "help")
 
 
@@ -197,7 +197,7 @@ def hints_for(base: Sequence[Hint], pane: str) -> list[Hint]:
     taken = {sign for keys, _ in own for sign in signs_in(keys)}
     rest = [hint for hint in base[2:] if not taken & set(signs_in(hint[0]))]
     leave, ask = base[:2]
-    return [*[*own, *rest][: MOST_HINTS - 2], ask, leave]
+    return [*[*own, *rest][: MAX_HINTS - 2], ask, leave]
 
 
 def signs_in(keys: str) -> dict[str, str]:

@@ -31,5 +31,5 @@ class SeekTo(Message):
     t_us: int
 
     def can_replace(self, message: Message) -> bool:
-        """Only the newest wish counts."""
+        """Tell whether the message replaces an older one: only the newest request counts."""
         return isinstance(message, SeekTo)

@@ -36,16 +36,12 @@ class _InUse:
 
 
 def use_theme(name: str) -> None:
-    """All that is drawn from now on is in this theme; what is on screen must be drawn again.
-
-    Args:
-        name: One of ``THEMES``.
-    """
+    """Set the theme of all that is drawn from now on; what is on screen must be drawn again."""
     _InUse.theme = THEMES[name]
 
 
 def use_depth(depth: Depth) -> None:
-    """All that is drawn from now on is in as many colours."""
+    """Set the number of colours of all that is drawn from now on."""
     _InUse.depth = depth
 
 

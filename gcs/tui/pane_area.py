@@ -41,11 +41,11 @@ class PaneArea(Widget):
 
     @property
     def layout(self) -> Layout:
-        """Its own layout."""
+        """Layout of the area itself."""
         return self._layout_of_panes
 
     def compose(self) -> ComposeResult:
-        """The panes."""
+        """Yield the panes."""
         yield from self.panes
 
     def rects_in(self, size: Size) -> Mapping[str, Rect]:
@@ -57,7 +57,7 @@ class PaneArea(Widget):
         return pane_id in self.rects_in(self.size)
 
     def change(self, state: LayoutState) -> None:
-        """Lay out anew if anything differs."""
+        """Lay out again if anything differs."""
         if state != self.state:
             self.state = state
             self._show()
@@ -79,11 +79,11 @@ class PaneArea(Widget):
                 pane.hold(held)
 
     def choose(self, layout: int) -> None:
-        """One of the three layouts, as it comes."""
+        """Choose one of the three layouts, as it comes."""
         self.change(replace(self.state, layout=layout, chosen=True, toggled=frozenset(), maximised=""))
 
     def maximise(self, pane_id: str) -> None:
-        """One pane over everything; the same again, or none, brings the layout back."""
+        """Show one pane over everything; the same again, or none, brings the layout back."""
         self.change(replace(self.state, maximised="" if self.state.maximised == pane_id else pane_id))
 
     def toggle(self, pane_id: str) -> None:

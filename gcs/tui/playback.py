@@ -46,7 +46,7 @@ def change_speed(timeline: Timeline, steps: int) -> None:
 
 
 def shares_named(timeline: Timeline, system_ids: Iterable[int]) -> dict[int, float]:
-    """For which share of the recording, as far as it is analysed, each vehicle had a name all the while."""
+    """Return the share of the recording, as far as it is analysed, for which each vehicle had a name."""
     parts = {system_id: timeline.confidence(system_id) for system_id in system_ids}
     known = {system_id: part[np.isfinite(part)] for system_id, part in parts.items()}
     return {system_id: float((part > 0.0).mean()) for system_id, part in known.items() if part.size}

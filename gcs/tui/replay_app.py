@@ -41,17 +41,17 @@ class ReplayApp(TerminalApp):
             self._station.timeline.step(frames)
 
     def action_speed(self, steps: int) -> None:
-        """Faster or slower."""
+        """Play faster or slower."""
         if self._station.timeline is not None:
             playback.change_speed(self._station.timeline, steps)
 
     def action_edge(self, end: int) -> None:
-        """First or last frame."""
+        """Go to the first or last frame."""
         if (timeline := self._station.timeline) is not None:
             timeline.seek(timeline.stop_us if end else timeline.start_us)
 
     def action_event(self, steps: int) -> None:
-        """Next or previous moment of the kind that was chosen, else event of those that the log shows."""
+        """Go to the next or previous moment of the kind that was chosen, else event of those that the log shows."""
         if (timeline := self._station.timeline) is None:
             return
         events = self._station.events()

@@ -17,7 +17,7 @@ from gcs.flight.devices import cameras, serial_links
 from gcs.flight.listening import HEARD_VIDEO, Listening
 from gcs.flight.video import check_source
 from gcs.mission.mission import usual_name
-from gcs.mission.roster import Found, HeardVehicle, Role, proposed_roles
+from gcs.mission.roster import FleetChoice, HeardVehicle, Role, proposed_roles
 from gcs.mission.written import MISSION_FILE
 from gcs.tui.draw.format import age
 from gcs.tui.draw.strips import Part, blank, fitted, folded, line, split_line
@@ -104,7 +104,7 @@ class StartApp(TerminalApp):
         theme: ThemeName = "dark",
     ) -> None:
         super().__init__(theme=theme)
-        self.found: Found | None = None
+        self.found: FleetChoice | None = None
         self._listening = listening
         self._chosen, self._whole_fleet = dict(chosen), whole_fleet
         self._names: dict[int, str] = {}
@@ -115,7 +115,7 @@ class StartApp(TerminalApp):
         self._table = _HeardTable(id="panes")
 
     def compose(self) -> ComposeResult:
-        """The table and the keys."""
+        """Yield the table and the keys."""
         yield self._table
         yield KeyHints(HINTS, id="hints")
 
@@ -136,7 +136,9 @@ class StartApp(TerminalApp):
         if not good:
             self.notify(standing, severity="warning", timeout=6, markup=False)
             return
-        self.found = Found(roles=roles, names=dict(self._names), chosen=frozenset(self._chosen), video=self._video)
+        self.found = FleetChoice(
+            roles=roles, names=dict(self._names), chosen=frozenset(self._chosen), video=self._video
+        )
         self.exit()
 
     def action_leave(self) -> None:
@@ -144,7 +146,7 @@ class StartApp(TerminalApp):
         self.exit()
 
     def action_pick(self, steps: int) -> None:
-        """The vehicle above or below."""
+        """Pick the vehicle above or below."""
         ids = list(self.roles)
         if ids:
             place = ids.index(self._picked) if self._picked in ids else 0
@@ -152,7 +154,7 @@ class StartApp(TerminalApp):
         self._show_all()
 
     def action_pick_vehicle(self, system_id: int) -> None:
-        """One that was clicked."""
+        """Pick a vehicle that was clicked."""
         self._picked, self._pick_stays = system_id, True
         self._show_all()
 
@@ -164,7 +166,7 @@ class StartApp(TerminalApp):
             self._choose(self._picked, inside if roles[self._picked] == "out" else "out")
 
     def action_film(self) -> None:
-        """The picked one carries the camera."""
+        """Let the picked vehicle carry the camera."""
         if self._picked in self.roles:
             self._choose(self._picked, "films")
 

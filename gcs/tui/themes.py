@@ -97,7 +97,7 @@ _DARK_SIXTEEN: Final[Mapping[Colour, int]] = MappingProxyType(
         Colour.NO_NEW_FRAME: 15,
     }
 )
-"""On black, which all other backgrounds are too."""
+"""Sixteen colours on black, which all other backgrounds are too."""
 _LIGHT_SIXTEEN: Final[Mapping[Colour, int]] = MappingProxyType(
     {
         **dict.fromkeys((Colour.FAINT, Colour.INK, Colour.BRIGHT, Colour.OUT_OF_VIEW, Colour.NO_NEW_FRAME), 0),
@@ -113,7 +113,7 @@ _LIGHT_SIXTEEN: Final[Mapping[Colour, int]] = MappingProxyType(
         Colour.MISPLACED: 1,
     }
 )
-"""On white, on which no other of the sixteen can be read: marks and words tell what colours cannot."""
+"""Sixteen colours on white, on which no other of the sixteen can be read: marks and words tell what colours cannot."""
 
 
 def _theme(
@@ -137,7 +137,7 @@ DARK: Final = _theme(
     },
     palette={Colour.LINE: 244, Colour.PICKED: 17, Colour.ALARM_TINT: 52},
 )
-"""In the colours of pages and of the exported video."""
+"""Theme in the colours of pages and of the exported video."""
 
 LIGHT: Final = _theme(
     "light",
@@ -197,7 +197,7 @@ def hex_of(rgb: Rgb) -> str:
 
 
 def textual_theme(theme: Theme) -> TextualTheme:
-    """The same for Textual's own widgets and style sheets."""
+    """Return the theme for Textual's own widgets and style sheets."""
     colours = {colour: hex_of(rgb) for colour, rgb in theme.colours.items()}
     return TextualTheme(
         name=theme.name,

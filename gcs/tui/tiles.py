@@ -15,24 +15,25 @@ from gcs.tui.themes import DARK
 from infra.plain_text import plain
 
 Rect = tuple[int, int, int, int]
-_LEAST_COLUMNS, _LEAST_ROWS = 8, 3
+_MIN_COLUMNS, _MIN_ROWS = 8, 3
 _USUAL_SIZE = 16, 9
 
 
 def tile_rects(tiles: Sequence[CameraPicture], columns: int, rows: int) -> list[Rect]:
-    """Left, top, columns and rows of each tile, a line for its name among them; as many in a row as makes them largest.
+    """Return left, top, columns and rows of each tile, a line for its name among them; as many in a row as makes them
+    largest.
 
     Tiles for which the field is too small are left out, from the last.
     """
     best = max(range(1, len(tiles) + 1), key=lambda across: _area(tiles, columns, rows, across), default=1)
     width, height = columns // best, rows // math.ceil(len(tiles) / best) if tiles else 0
-    if width < _LEAST_COLUMNS or height < _LEAST_ROWS:
+    if width < _MIN_COLUMNS or height < _MIN_ROWS:
         return [(0, 0, columns, rows)] if tiles and columns > 0 and rows > 1 else []
     return [((k % best) * width, (k // best) * height, width, height) for k in range(len(tiles))]
 
 
 def _area(tiles: Sequence[CameraPicture], columns: int, rows: int, across: int) -> int:
-    """Cells of the first picture with so many beside each other."""
+    """Cells of the first picture with this many beside each other."""
     width, height = columns // across, rows // math.ceil(len(tiles) / across) - 1
     if width < 1 or height < 1:
         return 0

@@ -1,14 +1,14 @@
 """A file that is only ever appended to, and that outlives full disks, failing disks and the death of the program.
 
 Rows go to the kernel with one system call before they count as accepted: SIGKILL loses none of them. A second thread
-(:class:`infra.files.append.Flusher`) has them put on the disk and repairs what fails, so that no writer ever
+(:class:`Flusher`) has them put on the disk and repairs what fails, so that no writer ever
 waits for the disk:
 
 - full, failing or read-only disk: the file is cut back to its last whole row, rows wait in memory and are written in
   order when there is space again;
 - a failed sync: the kernel forgets what it could not write and reports it once, so whatever the sync may have lost is
   written again into a new segment (``name.1.ext``, ``name.2.ext``, …) next to the old one, which is left as it is;
-- a file or folder that was deleted, moved, or unmounted: it is made anew and filled from the file that is still open;
+- a file or folder that was deleted, moved, or unmounted: it is made again and filled from the file that is still open;
 - a file that another program cut short: it is reported, and a new segment is begun.
 """
 
@@ -32,14 +32,15 @@ RAM_BYTES = 64 << 20
 """Rows kept while the disk fails: 60 s of 5,000 packets/s of 220 bytes each."""
 RETRY_S = 1.0
 HANG_S = 5.0
-"""Closing waits so long for a disk that hangs."""
+"""Closing waits this long for a disk that hangs."""
 _COPY_BYTES = 1 << 20
 _SPACE_MAY_RETURN = (errno.ENOSPC, errno.EDQUOT, errno.EROFS)
-"""After these the same file goes on; after any other a new segment is begun."""
+"""Errors after which the same file goes on; after any other a new segment is started."""
+_CLOSE_S = 5.0
 
 
 class _Mode(Enum):
-    """Destination of accepted rows."""
+    """Destination of accepted rows now."""
 
     WRITING = "to the kernel"
     RETRYING = "to memory, until the disk takes them"
@@ -63,7 +64,7 @@ class _Failures:
 
 
 class AppendFile:
-    """Whole rows into a new file and, where one file does not do, into further segments of it.
+    """File that takes whole rows and, where one file does not do, goes on in further segments.
 
     Args:
         header: begins every segment.
@@ -97,7 +98,7 @@ class AppendFile:
         self._retry_s = self._synced_s = time.monotonic()
         self._segment: Segment | None = None
         self._deleted: Segment | None = None
-        """One whose name is gone, until its content is in the present one."""
+        """Segment whose name is gone, until its content is in the present one."""
         self._next_number = 0
         self._earlier_bytes = 0
         self._accepted = first
@@ -157,7 +158,7 @@ class AppendFile:
 
     @property
     def rows(self) -> int:
-        """Accepted so far."""
+        """Number of rows accepted so far."""
         return self._accepted
 
     @property
@@ -167,7 +168,7 @@ class AppendFile:
 
     @property
     def state(self) -> RecordState:
-        """Its present state; without the lock, since who asks must not hang with the disk."""
+        """State of the file now; without the lock, since who asks must not hang with the disk."""
         mode = self._mode  # before the failures, which are set before it
         failures, segment, waiting = self._failures, self._segment, self._waiting
         since_s, now_s = self._writing_since_s, time.monotonic()
@@ -343,11 +344,8 @@ class AppendFile:
             segment.close()
 
 
-_CLOSE_S = 5.0
-
-
 class Flusher:
-    """Maintains some files until it is stopped.
+    """Thread that maintains some files until it is stopped.
 
     Args:
         files: maintained in this order, one after the other.

@@ -1,4 +1,5 @@
-"""Files of a job that are there when they are whole: written aside, then put into their place, never over another."""
+"""Files of a job that appear only when they are complete: written to a hidden folder, then moved into place, never over
+another file."""
 
 from __future__ import annotations
 
@@ -13,7 +14,7 @@ from pathlib import Path
 
 PREFIX = ".aside-"
 YOUNG_S = 60.0
-"""One that was made just now may not be held yet."""
+"""Age below which a file that was just made may not be held yet."""
 _held: dict[Path, int] = {}
 """Descriptors that lock the hidden folders of this process."""
 _NO_LINKS = (errno.EPERM, errno.ENOTSUP, errno.ENOSYS, errno.EMLINK, errno.EXDEV)
@@ -86,7 +87,7 @@ def put_all_in_place(hidden: Path, folder: Path, *, last: str = "") -> None:
 
 
 def put_in_place(path: Path, place: Path) -> None:
-    """Give a whole file of the same disk its name; what it holds is on the disk before.
+    """Give a complete file of the same disk its name; its content is synced to the disk first.
 
     Raises:
         FileExistsError: something of that name is there.

@@ -47,10 +47,7 @@ class Piece:
 
 
 def make_journal(size: int = RAM_BYTES) -> int:
-    """Allocate the memory of a new journal; returns its file descriptor.
-
-    Args:
-        size: capacity in bytes.
+    """Allocate the memory of a new journal; return its file descriptor.
 
     Raises:
         OSError: no memory is left.
@@ -98,7 +95,7 @@ class Journal:
         return self._words[_LOST]
 
     def recover(self) -> bool:
-        """Restores consistent counters after a process died at any point; returns whether rows wait."""
+        """Restore consistent counters after a process died at any point; return whether rows wait."""
         words = self._words
         if words[_TAIL] >= words[_HEAD]:
             words[_HEAD] = words[_TAIL] = 0
@@ -116,9 +113,6 @@ class Journal:
 
     def put(self, file: int, data: bytes, rows: int) -> int | None:
         """Append whole rows to the queue.
-
-        Args:
-            file: index of the file; the rows of the first are numbered.
 
         Returns:
             The number of the first of them; None if there is no room: the rows are dropped and counted.

@@ -12,15 +12,16 @@ from infra.files.journal import PIECE_BYTES, Journal, Piece
 from infra.files.segment import segments
 
 GATHER_S = 0.04
-"""Rows of so long are written together: fewer system calls. Until then they are in memory that outlives the process."""
+"""Rows of this long are written together: fewer system calls. Until then they are in memory that outlives the
+process."""
 HANG_S = 60.0
-"""A disk that hangs is waited for so long at the end: as long as memory lasts; a station that lives waits less."""
+"""A disk that hangs is waited for this long at the end: as long as memory lasts; a station that lives waits less."""
 _LOOK_S = 0.1
 """Seconds between checks whether a disk that failed takes rows again."""
 
 
 class JournalWriter:
-    """Writes until it is stopped.
+    """Thread that writes a journal's rows to files until it is stopped.
 
     Args:
         journal: where rows wait.
@@ -39,7 +40,8 @@ class JournalWriter:
         self._thread.start()
 
     def stop(self) -> bool:
-        """Has everything written and ends; whether it could: a disk that hangs is left after a minute."""
+        """Have everything written and end; return whether that was possible: a disk that hangs is left after a
+        minute."""
         self._stop.set()
         self._journal.due.set()
         self._thread.join(HANG_S)
@@ -60,7 +62,7 @@ class JournalWriter:
                     time.sleep(GATHER_S)  # rather than to be woken for each batch
 
     def _bring(self, piece: Piece) -> None:
-        """Writes rows, and waits until a disk that does not take them does."""
+        """Write rows, and wait until a disk that does not take them does."""
         for file, data in piece.data.items():
             if data:
                 self._files[file].write(data, piece.rows[file])

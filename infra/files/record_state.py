@@ -9,31 +9,31 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RecordState:
-    """State of a recording."""
+    """State of a recording, for a screen and for alarms."""
 
     name: str
     """Name of the segment being written."""
     rows: int = 0
-    """Accepted so far."""
+    """Number of rows accepted so far."""
     bytes: int = 0
-    """Written so far, over all segments."""
+    """Number of bytes written so far, over all segments."""
     failing_s: float = 0.0
-    """For how long writing has failed; 0: it is writing."""
+    """Time for which writing has failed, s; 0: it is writing."""
     reason: str = ""
-    """Why it fails or last failed, in the system's words."""
+    """Reason why it fails or last failed, in the system's words."""
     faults: int = 0
     """Number of times that it began to fail, repaired since or not."""
     failed_ago_s: float = math.inf
-    """Since it last failed, inf where it never did."""
+    """Time since it last failed, s; inf where it never did."""
     waiting: int = 0
-    """Rows in memory only, on their way to the disk."""
+    """Number of rows in memory only, on their way to the disk."""
     waiting_bytes: int = 0
     lost: int = 0
-    """Rows given up because too many waited."""
+    """Number of rows given up because too many waited."""
     sync_age_s: float = 0.0
     """Age of the oldest row that is perhaps not on the disk; 0: all are."""
     stalled_s: float = 0.0
-    """For how long the disk has not answered to a row that it was given; 0: none waits for its answer."""
+    """Time for which the disk has not answered to a row that it was given, s; 0: none waits for its answer."""
     clock_step_s: float = 0.0
     """Sum of the steps by which the wall clock was set since the recording began."""
 
@@ -44,7 +44,8 @@ class RecordState:
 
 
 def overall(states: Iterable[RecordState]) -> RecordState:
-    """Several files as one: the longest failure with its reason, the oldest unsynced row, all else summed up.
+    """Sum up the states of several files: the longest failure with its reason, the oldest unsynced row, totals of all
+    else.
 
     Where none fails any more the reason is that of the file that failed last.
 

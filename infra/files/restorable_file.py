@@ -17,7 +17,7 @@ JOIN_S = 1.5
 
 
 class RestorableFile:
-    """One new file.
+    """New file that is put back when it is deleted, moved or unmounted.
 
     Attributes:
         error: why it could not be put back, empty while it could.
@@ -35,11 +35,11 @@ class RestorableFile:
 
     @property
     def name(self) -> str:
-        """Under which a library opens this file and no other, while it is held here."""
+        """Path under which a library opens this file and no other, while it is held here."""
         return f"/dev/fd/{self._file.fileno()}"
 
     def is_gone(self) -> bool:
-        """Tell whether its name is; looked for twice a second."""
+        """Tell whether the file is no longer at its path; checked twice a second."""
         now_s = time.monotonic()
         if now_s - self._looked_s < LOOK_S:
             return False

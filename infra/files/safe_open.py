@@ -19,9 +19,6 @@ _OPEN = os.O_CLOEXEC | os.O_NONBLOCK | os.O_NOCTTY  # a pipe is not waited on, a
 def open_to_read(path: Path | str, *, links: bool = True, folder: int | None = None) -> int:
     """Open a regular file.
 
-    Args:
-        folder: descriptor of the folder that ``path`` is relative to.
-
     Returns:
         The file descriptor.
 
@@ -33,7 +30,7 @@ def open_to_read(path: Path | str, *, links: bool = True, folder: int | None = N
 
 
 def read_small(path: Path | str, most_bytes: int) -> bytes:
-    """All of a regular file.
+    """Read all of a regular file.
 
     Raises:
         OSError: it cannot be opened or waited for, or has more than ``most_bytes``.
@@ -50,9 +47,6 @@ def read_small(path: Path | str, most_bytes: int) -> bytes:
 def create(path: Path | str, *, folder: int | None = None) -> int:
     """Make a file, to write and to read back, where nothing is, not even a link.
 
-    Args:
-        folder: descriptor of the folder that ``path`` is relative to.
-
     Returns:
         The file descriptor.
 
@@ -64,9 +58,6 @@ def create(path: Path | str, *, folder: int | None = None) -> int:
 
 def open_folder(path: Path | str, *, folder: int | None = None) -> int:
     """Descriptor of a folder that no link stands for, to open files relative to.
-
-    Args:
-        folder: descriptor of the folder that ``path`` is relative to.
 
     Raises:
         OSError: no such folder, or a link in its place.

@@ -46,7 +46,7 @@ class Segment:
         self._is_torn = self._is_name_synced = False
 
     def append(self, data: bytes) -> None:
-        """Hands all bytes to the kernel, or leaves the file as it was.
+        """Hand all bytes to the kernel, or leave the file as it was.
 
         Raises:
             OSError: the disk does not take them.
@@ -67,7 +67,7 @@ class Segment:
         self.size += len(data)
 
     def sync(self) -> None:
-        """Waits until the disk has all of it, and its name.
+        """Wait until the disk has all of it, and its name.
 
         Raises:
             OSError: it has not; the kernel reports it once and forgets what it could not write.
@@ -78,7 +78,7 @@ class Segment:
             self._is_name_synced = True
 
     def check(self) -> None:
-        """Looks whether the file is still there and whole.
+        """Look whether the file is still there and whole.
 
         Raises:
             OSError: it is not; ENOENT where it was deleted or moved.
@@ -90,16 +90,16 @@ class Segment:
             raise OSError(errno.EIO, f"cut short by another program, {size - left} bytes are gone")
 
     def read(self, size: int, offset: int) -> bytes:
-        """Reads bytes back, deleted or not."""
+        """Read bytes back, deleted or not."""
         return self._disk.read(self._fd, size, offset)
 
     def close(self) -> None:
-        """Closes the file; any error was raised by the sync before."""
+        """Close the file; any error was raised by the sync before."""
         with contextlib.suppress(OSError):
             self._disk.close(self._fd)
 
     def _cut(self) -> None:
-        """Back to the last whole row."""
+        """Cut the file back to the last whole row."""
         try:
             self._disk.ftruncate(self._fd, self.size)
         except OSError:

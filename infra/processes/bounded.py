@@ -1,4 +1,4 @@
-"""Bytes of others read by code that is not ours: in a process of its own, with bounds of memory and time.
+"""Bytes from elsewhere read by code that is not ours: in a process of its own, with bounds of memory and time.
 
 The module that reads calls :func:`answer_parent` and is run by :func:`ask_child`. Whatever becomes of it, by a file
 that asks for all memory, never ends or brings it down, is one line for who asked.
@@ -22,10 +22,10 @@ from infra.plain_text import plain
 from infra.processes.channel import MessageChannel, connect_to_parent
 from infra.processes.child_process import KILL_S, ChildProcess
 
-_MOST_WORDS = 200
-_MOST_WRITTEN = 1 << 20
+_MAX_WORDS = 200
+_MAX_WRITTEN = 1 << 20
 """Bytes of what it may print."""
-_MOST_ANSWER = (1 << 31) - 1
+_MAX_ANSWER = (1 << 31) - 1
 _RESERVE_BYTES, _LOOK_S = 64 << 20, 0.02
 """Memory kept free, and how often it is checked: with none left Python may search for ever for some to report that."""
 _ONE_THREAD = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
@@ -36,7 +36,7 @@ Answer = TypeVar("Answer", bound=msgspec.Struct)
 
 
 class UnreadError(Exception):
-    """It was not read; the message, one line, says why."""
+    """A file was not read; the message, one line, says why."""
 
 
 class _Work(msgspec.Struct):
@@ -65,7 +65,7 @@ def ask_child(
         OSError: the system starts no process.
     """
     child: ChildProcess[Answer | _Failed] = ChildProcess(
-        module, answers | _Failed, environment=_ONE_THREAD, most_bytes=_MOST_ANSWER
+        module, answers | _Failed, environment=_ONE_THREAD, most_bytes=_MAX_ANSWER
     )
     began_s = time.monotonic()
     clock = threading.Timer(most_s, child.kill)
@@ -84,7 +84,7 @@ def ask_child(
         return answer
     late = time.monotonic() - began_s >= most_s
     why = f"it takes longer than {most_s:.0f} s" if late else f"what read it ended: {ended}"
-    raise UnreadError(plain(answer.why if isinstance(answer, _Failed) else why)[:_MOST_WORDS])
+    raise UnreadError(plain(answer.why if isinstance(answer, _Failed) else why)[:_MAX_WORDS])
 
 
 def answer_parent(asks: type[Question], read: Callable[[Question], msgspec.Struct]) -> None:
@@ -120,7 +120,7 @@ def _set_bounds(most_bytes: int, most_s: float) -> None:
     """Bound address space, output and processor time; a parent that is killed ends nothing."""
     for kind, most in (
         (resource.RLIMIT_AS, most_bytes),
-        (resource.RLIMIT_FSIZE, _MOST_WRITTEN),
+        (resource.RLIMIT_FSIZE, _MAX_WRITTEN),
         (resource.RLIMIT_CPU, math.ceil(most_s)),
         (resource.RLIMIT_CORE, 0),
     ):

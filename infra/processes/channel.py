@@ -16,13 +16,13 @@ import msgspec
 
 from infra.program_log import log_as_parent
 
-MOST_BYTES = 1 << 20
+MAX_BYTES = 1 << 20
 
 Received = TypeVar("Received")
 
 
 class MessageChannel(Generic[Received]):
-    """One end. Any thread may send, one receives.
+    """One end of a channel of messages. Any thread may send, one receives.
 
     Args:
         reading: where messages come from.
@@ -35,7 +35,7 @@ class MessageChannel(Generic[Received]):
         reading: Connection[Any, Any],
         writing: Connection[Any, Any],
         received: type[Received] | Any,  # noqa: ANN401
-        most_bytes: int = MOST_BYTES,
+        most_bytes: int = MAX_BYTES,
     ) -> None:
         self._reading, self._writing, self._most_bytes = reading, writing, most_bytes
         self._decoder: msgspec.msgpack.Decoder[Received] = msgspec.msgpack.Decoder(received)
@@ -47,7 +47,7 @@ class MessageChannel(Generic[Received]):
         return self._reading.fileno()
 
     def send(self, message: msgspec.Struct, timeout_s: float | None = None) -> None:
-        """Sends a message; without a timeout it waits for as long as the other end takes.
+        """Send a message; without a timeout it waits for as long as the other end takes.
 
         Raises:
             OSError: the other end is gone, this one is closed, or it was not taken in time.
@@ -72,26 +72,23 @@ class MessageChannel(Generic[Received]):
             raise EOFError from error
 
     def close_sending(self) -> None:
-        """Shows the other end that no more comes; twice does nothing."""
+        """Show the other end that no more comes; twice does nothing."""
         with self._sending:
             self._writing.close()
 
     def close(self) -> None:
-        """Closes both ways; to be called by who receives."""
+        """Close both ways; to be called by who receives."""
         self.close_sending()
         self._reading.close()
 
 
 def connect_to_parent(
     requests: type[Received] | Any,  # noqa: ANN401 - unions are no types
-    most_bytes: int = MOST_BYTES,
+    most_bytes: int = MAX_BYTES,
 ) -> MessageChannel[Received]:
     """A child's end, in a program that :class:`infra.processes.child_process.ChildProcess` started.
 
     From here on it logs into its parent's files.
-
-    Args:
-        requests: the type of what the parent sends, or the union of such types.
     """
     log_as_parent()
     reading, writing = map(int, sys.argv[1:3])

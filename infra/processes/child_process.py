@@ -15,7 +15,7 @@ from typing import Any, Generic, NamedTuple, TypeVar
 
 import psutil
 
-from infra.processes.channel import MOST_BYTES, MessageChannel
+from infra.processes.channel import MAX_BYTES, MessageChannel
 from infra.program_log import child_environment
 
 _log = logging.getLogger(__name__)
@@ -35,7 +35,7 @@ class ProcessorTime(NamedTuple):
 
     used_s: float
     waited_s: float
-    """For which its first thread could have run and was not let."""
+    """Time for which its first thread could have run and was not let, s."""
 
 
 class ChildProcess(Generic[Report]):
@@ -61,7 +61,7 @@ class ChildProcess(Generic[Report]):
         *,
         fds: Collection[int] = (),
         environment: Mapping[str, str] | None = None,
-        most_bytes: int = MOST_BYTES,
+        most_bytes: int = MAX_BYTES,
     ) -> None:
         their_reading, our_writing = Pipe(duplex=False)
         our_reading, their_writing = Pipe(duplex=False)
@@ -93,7 +93,7 @@ class ChildProcess(Generic[Report]):
 
     @property
     def pid(self) -> int:
-        """Its id."""
+        """Process id."""
         return self._process.pid
 
     @property
@@ -112,7 +112,7 @@ class ChildProcess(Generic[Report]):
 
     @property
     def processor_time(self) -> ProcessorTime:
-        """Its share of the processors so far; nothing once it is over."""
+        """Processor time of the process so far; nothing once it is over."""
         used_s = waited_s = 0.0
         with contextlib.suppress(psutil.Error):
             times = self._status.cpu_times()
@@ -122,12 +122,8 @@ class ChildProcess(Generic[Report]):
         return ProcessorTime(used_s, waited_s)
 
     def able_s(self, silent_s: float, before: ProcessorTime) -> float:
-        """For how much of a silence it could have shown life: not while others had the processor, or the disk had it.
-
-        Args:
-            silent_s: for how long it has shown no life.
-            before: its processor time when it had.
-        """
+        """Return for how much of a silence it could have shown life: not while others had the processor, or the disk
+        had it."""
         now = self.processor_time
         with contextlib.suppress(psutil.Error):
             status = self._status.status()
@@ -146,20 +142,20 @@ class ChildProcess(Generic[Report]):
         return False
 
     def end(self, timeout_s: float) -> None:
-        """Has it end by itself, else kills it."""
+        """Ask the process to end, else kill it."""
         self.channel.close_sending()
         with contextlib.suppress(subprocess.TimeoutExpired):
             self._process.wait(timeout_s)
         self.kill()
 
     def kill(self) -> None:
-        """Ends it at once; what it sent before can still be received."""
+        """Kill the process at once; what it sent before can still be received."""
         self._process.kill()
         with contextlib.suppress(subprocess.TimeoutExpired):
             self._process.wait(KILL_S)
 
     def close(self) -> None:
-        """Closes the channel and forgets what the process wrote; to be called by who receives."""
+        """Close the channel and forget what the process wrote; to be called by who receives."""
         if self.ended and not self._output.closed:
             _log.info("process %d ended: %s, %s", self._process.pid, self._module, self.exit_reason)
         self.channel.close()

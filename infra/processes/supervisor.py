@@ -21,7 +21,7 @@ Child = TypeVar("Child", bound=ChildProcess[Any])
 
 
 class Supervisor(Generic[Child]):
-    """One child process after the other.
+    """Keeper of a child process: starts the next one when it ends or hangs.
 
     Waiting for a processor is no death: of a silence up to ``start_s`` only the time counts in which the process could
     run. On a machine that is too busy another one would not fare better.
@@ -32,7 +32,7 @@ class Supervisor(Generic[Child]):
     Args:
         start: starts a process that waits for its first message; raises OSError where the system starts none.
         begin: sends that message to a process whose turn it is.
-        watch: waits for a sign of life, at most so many seconds, and returns for how long the process may be silent
+        watch: waits for a sign of life, at most this many seconds, and returns for how long the process may be silent
             from now on, None: there was none. Raises EOFError where the process is over or of no more use.
         replaced: given what was wrong with a process and when it last showed life (monotonic), once the next has begun.
         excused: whether a process that has been silent for too long is left alone.
@@ -40,7 +40,7 @@ class Supervisor(Generic[Child]):
         start_s: for which a process may be silent at first.
         stop_s: for which it may be silent when it is to end.
         pauses_s: before another is started, after one, two, three failures in a row; the last repeats.
-        steady_s: a process that lived so long ends a row.
+        steady_s: a process that lived this long ends a row.
         spare: keep a process ready that takes over at once.
 
     Attributes:
@@ -84,11 +84,11 @@ class Supervisor(Generic[Child]):
         begin(self.process)
 
     def supervise(self) -> None:
-        """Looks after the process from now on."""
+        """Look after the process from now on."""
         self._thread.start()
 
     def stop(self, timeout_s: float | None = None) -> None:
-        """Has the process end by itself, or ends it when it is silent for too long meanwhile."""
+        """Ask the process to end, and kill it when it is silent for too long meanwhile."""
         self._stopping.set()
         self.process.channel.close_sending()
         if self._thread.is_alive():
@@ -150,7 +150,7 @@ class Supervisor(Generic[Child]):
         return starved or self._excused(process)
 
     def _keep_spare(self) -> None:
-        """Starts a process that waits for its turn, where there is none."""
+        """Start a process that waits for its turn, where there is none."""
         if (self.spare is None or self.spare.ended) and time.monotonic() >= self._spare_due_s:
             self._spare_due_s = time.monotonic() + SPARE_AGAIN_S
             if self.spare is not None:

@@ -35,11 +35,11 @@ _MAX_SENDERS = 8
 _REMEMBERED_US = 60_000_000
 """Time for which the last place of a silent sender counts."""
 _MARGIN_M, _NOISE_FACTOR = 3.0, 4.0
-"""Allowed difference of places of one autopilot: this, and so many times the noise of the better one."""
+"""Allowed difference of places of one autopilot: this, and this many times the noise of the better one."""
 _RECEIVERS_M, _RECEIVER_STDS = 10.0, 3.0
-"""Allowed difference of two receivers of one vehicle: this, or so many σ."""
+"""Allowed difference of two receivers of one vehicle: this, or this many σ."""
 _COMPONENT_LAG_S = 1.0
-"""A payload computer may report where the vehicle was so long ago."""
+"""A payload computer may report where the vehicle was this long ago."""
 _BESIDE_US = 1_500_000
 """Places this close in time decide; farther apart they only rule out."""
 
@@ -64,7 +64,7 @@ class ClaimedPlaces:
         self._faster: SenderKey | None = None
 
     def add(self, sender: SenderKey, sample: GlobalPosition, std_m: float) -> PlaceConflict | None:
-        """Keeps a place and compares it with those of other senders.
+        """Keep a place and compare it with those of other senders.
 
         Args:
             sample: a place that may be one, see :func:`mavlink.estimation.positions.place_error`.
@@ -112,7 +112,7 @@ class ClaimedPlaces:
         """Tell whether a sender was found to be the same vehicle over a faster link."""
         return self._faster is not None and same_channel(sender, self._faster)
 
-    def trails(self, sender: SenderKey) -> bool:
+    def is_slower_link(self, sender: SenderKey) -> bool:
         """Tell whether a sender was found to be the same vehicle over a link a second or more later than another."""
         path = self._paths.get(sender)
         if path is not None:

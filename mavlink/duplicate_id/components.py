@@ -12,13 +12,13 @@ from mavlink.protocol.modes import kind_name, mode_name
 from mavlink.state import Level
 
 NO_COMPONENT = -1
-"""In place of a component id, which is 0 to 255."""
+"""Number in place of a component id, which is 0 to 255."""
 
 _AUTOPILOT = 1
 """MAV_COMP_ID_AUTOPILOT1."""
 _SILENT_US = 60_000_000
-"""Another component becomes the autopilot after this: longer than a radio is out of range, since an impostor waits for
-that."""
+"""Silence after which another component becomes the autopilot: longer than a radio is out of range, since an impostor
+waits for that."""
 _ALIVE_US = 3_000_000
 """A component that was received this lately is alive: three heartbeats."""
 _NEVER_US = -(1 << 62)
@@ -72,17 +72,17 @@ class Components:
         return mode_name(it.type, it.autopilot, it.base_mode, it.custom_mode)
 
     def add_heartbeat(self, component_id: int, t_us: int) -> bool:
-        """Notes an autopilot's heartbeat at a Unix time; True when its component is the vehicle's autopilot."""
+        """Note an autopilot's heartbeat at a Unix time; True when its component is the vehicle's autopilot."""
         component = self._component(component_id)
         component.sends_heartbeats, component.last_us = True, t_us
         return self._is_autopilot(component, t_us)
 
     def keep_heartbeat(self, sample: Heartbeat) -> None:
-        """Keeps a heartbeat as the newest of its component."""
+        """Keep a heartbeat as the newest of its component."""
         self._component(sample.component_id).heartbeat = sample
 
     def add_report(self, component_id: int, t_us: int) -> bool:
-        """Notes a position or an attitude at a Unix time; True when its component is the vehicle's autopilot."""
+        """Note a position or an attitude at a Unix time; True when its component is the vehicle's autopilot."""
         component = self._component(component_id)
         component.last_us = component.reported_us = t_us
         return self._is_autopilot(component, t_us)

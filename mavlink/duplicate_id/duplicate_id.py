@@ -31,9 +31,42 @@ from mavlink.state import Level
 _MAX_SENDERS = 8
 """Senders compared; a flood of addresses must cost neither memory nor time."""
 _GAP, _GAP_RATE = math.radians(10.0), math.radians(60.0)
-"""Two attitudes of one vehicle differ by no more than this, and by no more than this per second between them."""
+"""Greatest difference of two attitudes of one vehicle, rad, and that per second between them."""
 _ATTITUDES_TOGETHER_US = 300_000
 """Attitudes this close in time are compared."""
+ConflictKind = Literal["autopilot", "kind", "mode", "clock", "boot", "place", "attitude", "hardware"]
+_PAUSE_US = 3_000_000
+"""Contradictions farther apart than this do not belong together."""
+_SPAN_US = 900_000
+"""Least time for which senders have to alternate: a vehicle that restarts does so once."""
+_ALTERNATIONS: dict[ConflictKind, int] = {
+    "autopilot": 3,
+    "kind": 3,
+    "mode": 4,
+    "clock": 3,
+    "boot": 3,
+    "attitude": 3,
+}
+"""Number of times that they have to; a mode more often, since an operator may switch there and back."""
+_HOLD_US = 4_500_000
+"""Time that a conflict lasts after the last contradiction: longer than the longest pause between contradictions of two
+senders that send heartbeats once a second and lose packets."""
+_HOLD_HARDWARE_US = 60_000_000
+"""Equivalent of ``_HOLD_US`` after two hardware ids, which are sent rarely."""
+_TOGETHER_US = 3_000_000
+"""Senders seen within this are seen together: three heartbeats."""
+_LEADS_US = 2_000_000
+"""Positions come once a second, and after this long they show whether a link is faster or a clock another's."""
+_BOOT_US = 500_000
+"""An autopilot's Unix time and boot time keep step to a millisecond, once it has GPS time; this is far more."""
+_ADDRESS_CHANGES = 4
+"""Changes of the address after which two addresses are reported."""
+_ADDRESSES_US = 600_000_000
+"""Interval between reports of two addresses: two radios into one port last a whole flight."""
+_MAX_KINDS = 8
+"""Kinds of vehicle remembered, so that a flood of forged heartbeats costs no memory."""
+_USUAL_CLOCK, _OTHER_CLOCK = "usual", "other"
+_NO_SENDER = SenderKey(-1, 0, 0)
 
 
 class AttitudeConflict(NamedTuple):
@@ -51,7 +84,7 @@ class AttitudeComparison:
         self._newest: dict[SenderKey, tuple[int, int, Attitude]] = {}
 
     def add(self, sender: SenderKey, boot_us: int, sample: Attitude) -> AttitudeConflict | None:
-        """Keeps an attitude and compares it with those of others a moment ago."""
+        """Keep an attitude and compare it with those of others a moment ago."""
         self._newest.pop(sender, None)
         conflict = None
         for other, (other_us, t_us, newest) in self._newest.items():
@@ -77,46 +110,9 @@ def _largest_difference(one: Attitude | Pose, other: Attitude | Pose) -> float:
     )
 
 
-ConflictKind = Literal["autopilot", "kind", "mode", "clock", "boot", "place", "attitude", "hardware"]
-
-_PAUSE_US = 3_000_000
-"""Contradictions farther apart than this do not belong together."""
-_SPAN_US = 900_000
-"""Least time for which senders have to alternate: a vehicle that restarts does so once."""
-_ALTERNATIONS: dict[ConflictKind, int] = {
-    "autopilot": 3,
-    "kind": 3,
-    "mode": 4,
-    "clock": 3,
-    "boot": 3,
-    "attitude": 3,
-}
-"""Number of times that they have to; a mode more often, since an operator may switch there and back."""
-_HOLD_US = 4_500_000
-"""Time that a conflict lasts after the last contradiction: longer than the longest pause between contradictions of two
-senders that send heartbeats once a second and lose packets."""
-_HOLD_HARDWARE_US = 60_000_000
-"""The same after two hardware ids, which are sent rarely."""
-
-_TOGETHER_US = 3_000_000
-"""Senders seen within this are seen together: three heartbeats."""
-_LEADS_US = 2_000_000
-"""Positions come once a second, and after this long they show whether a link is faster or a clock another's."""
-_BOOT_US = 500_000
-"""An autopilot's Unix time and boot time keep step to a millisecond, once it has GPS time; this is far more."""
-_ADDRESS_CHANGES = 4
-"""Changes of the address after which two addresses are reported."""
-_ADDRESSES_US = 600_000_000
-"""Interval between reports of two addresses: two radios into one port last a whole flight."""
-_MAX_KINDS = 8
-"""Kinds of vehicle remembered, so that a flood of forged heartbeats costs no memory."""
-_USUAL_CLOCK, _OTHER_CLOCK = "usual", "other"
-_NO_SENDER = SenderKey(-1, 0, 0)
-
-
 @dataclass(frozen=True, slots=True)
 class IdConflict:
-    """In what two senders of one system id contradict each other, and where they were received."""
+    """Contradiction of two senders of one system id, and where they were received."""
 
     kind: ConflictKind
     detail: str
@@ -137,7 +133,7 @@ class _Alternation:
         self._first_us = self._last_us = 0
 
     def add(self, side: Hashable, sender: SenderKey, other: SenderKey, t_us: int) -> bool:
-        """Adds one packet; True when its side is another than before.
+        """Add one packet; True when its side is another than before.
 
         Args:
             other: of the other side's last packet.
@@ -157,7 +153,7 @@ class _Alternation:
         return self._changes > 0 and 0 <= t_us - self._last_us < _PAUSE_US
 
     def is_established(self, changes: int, t_us: int) -> bool:
-        """Tell whether there were so many changes, over about a second."""
+        """Tell whether there were this many changes, over about a second."""
         return self._changes >= changes and self.is_running(t_us) and self._last_us - self._first_us >= _SPAN_US
 
 
@@ -182,7 +178,7 @@ class _Conflicts:
     def add(
         self, kind: ConflictKind, side: Hashable, sender: SenderKey, t_us: int, detail: str, other: SenderKey
     ) -> None:
-        """Adds one contradiction.
+        """Add one contradiction.
 
         Args:
             side: which of the two sides this packet is of.
@@ -194,7 +190,7 @@ class _Conflicts:
             self.declare(kind, detail, sender, alternation.other, t_us)
 
     def declare(self, kind: ConflictKind, detail: str, one: SenderKey, other: SenderKey, t_us: int) -> None:
-        """Notes that there are two senders for certain."""
+        """Note that there are two senders for certain."""
         if not self.is_active(t_us):
             self.newest = IdConflict(kind, detail, one, other)
         hold_us = _HOLD_HARDWARE_US if kind == "hardware" else _HOLD_US
@@ -240,7 +236,7 @@ class DuplicateIdDetector:
         self._autopilot: SenderKey | None = None
 
     def add_sender(self, sender: SenderKey, t_us: int) -> None:
-        """Notes who sent a packet."""
+        """Note who sent a packet."""
         before = self._sender
         if sender == before:
             return
@@ -260,7 +256,7 @@ class DuplicateIdDetector:
         return self._conflicts.is_active(t_us)
 
     def compare_kind(self, sample: Heartbeat, sender: SenderKey) -> tuple[str, str] | None:
-        """Compares the kind of vehicle with those reported before; the last and this in words when they differ."""
+        """Compare the kind of vehicle with those reported before; the last and this in words when they differ."""
         kind, before = (sample.type, sample.autopilot), self._kind
         self._kind = kind
         self._kinds.pop(kind, None)
@@ -274,7 +270,7 @@ class DuplicateIdDetector:
         return kind_name(before[0]), kind_name(kind[0])
 
     def compare_mode(self, sample: Heartbeat, sender: SenderKey) -> None:
-        """Compares armed and mode with those of another sender: who changes them changes them on all its radios."""
+        """Compare armed and mode with those of another sender: who changes them changes them on all its radios."""
         before, self._heartbeat = self._heartbeat, (sample, sender)
         if before is None or before[1] == sender or not abs(sample.t_us - before[0].t_us) < _TOGETHER_US:
             return
@@ -283,7 +279,7 @@ class DuplicateIdDetector:
             self._conflicts.add("mode", sender, sender, sample.t_us, f"{one} and {other}", before[1])
 
     def compare_boot_time(self, t_us: int, sender: SenderKey, booted_us: int) -> None:
-        """Compares when the vehicle was switched on, by its own Unix time: no delay of a link changes that."""
+        """Compare when the vehicle was switched on, by its own Unix time: no delay of a link changes that."""
         before, self._boot = self._boot, (booted_us, t_us, sender)
         if before is None or not abs(t_us - before[1]) < _TOGETHER_US or abs(booted_us - before[0]) < _BOOT_US:
             return
@@ -291,7 +287,7 @@ class DuplicateIdDetector:
         self._conflicts.add("boot", booted_us > before[0], sender, t_us, detail, before[2])
 
     def add_other_clock(self, t_us: int, sender: SenderKey, gap_s: float) -> None:
-        """Adds a boot time that is not of this vehicle's count, nor of the one before its reboot.
+        """Add a boot time that fits neither this vehicle's clock nor the one before its reboot.
 
         Args:
             t_us: Unix µs of its arrival.
@@ -312,13 +308,13 @@ class DuplicateIdDetector:
         return t_us - self._leading[1] >= _LEADS_US
 
     def add_usual_clock(self, t_us: int, sender: SenderKey) -> None:
-        """Adds a boot time that fits."""
+        """Add a boot time that fits."""
         self._usual_clock = sender
         if self._conflicts.is_running("clock", t_us):
             self._conflicts.add("clock", _USUAL_CLOCK, sender, t_us, "two clocks", self._other_clock)
 
     def compare_place(self, sample: GlobalPosition, sender: SenderKey, std_m: float) -> None:
-        """Compares a place, of any component, with those of other senders."""
+        """Compare a place, of any component, with those of other senders."""
         conflict = self._places.add(sender, sample, std_m)
         if conflict:
             detail = f"two places, {conflict.gap_m:.0f} m apart"
@@ -330,12 +326,12 @@ class DuplicateIdDetector:
             return True
         return not same_channel(sender, self._usual_clock) and self._places.is_only_one(sender, t_us)
 
-    def trails(self, sender: SenderKey) -> bool:
+    def is_slower_link(self, sender: SenderKey) -> bool:
         """Tell whether a sender is the same vehicle over a slower link."""
-        return self._places.trails(sender)
+        return self._places.is_slower_link(sender)
 
     def compare_autopilots(self, t_us: int, sender: SenderKey, rival: int) -> None:
-        """Compares two components that send an autopilot's heartbeat while only the one that is not in use reports.
+        """Compare two components that send an autopilot's heartbeat while only the one that is not in use reports.
 
         Args:
             t_us: Unix µs of the heartbeat.
@@ -348,21 +344,21 @@ class DuplicateIdDetector:
             self._conflicts.add("autopilot", sender.component, sender, t_us, detail, before)
 
     def compare_attitude(self, boot_us: int, sample: Attitude, sender: SenderKey) -> None:
-        """Compares an attitude with those of other senders."""
+        """Compare an attitude with those of other senders."""
         conflict = self._attitudes.add(sender, boot_us, sample)
         if conflict:
             detail = f"two attitudes, {math.degrees(conflict.gap):.0f}° apart"
             self._conflicts.add("attitude", sender, sender, sample.t_us, detail, conflict.other)
 
     def compare_late_attitude(self, sample: Attitude, sender: SenderKey, then: Pose | None) -> None:
-        """Compares an attitude that came late with the one that the vehicle reported for that time."""
+        """Compare an attitude that came late with the one that the vehicle reported for that time."""
         if then is not None and then.bracketed and turned_too_far(sample, then, then.age_s):
             self._other_clock = sender
             detail = "two clocks and two attitudes"
             self._conflicts.add("clock", _OTHER_CLOCK, sender, sample.t_us, detail, self._usual_clock)
 
     def compare_hardware(self, packet: Packet, sender: SenderKey, epoch: int) -> str:
-        """Compares the hardware id with the one before; returns what to report when the board was changed."""
+        """Compare the hardware id with the one before; return what to report when the board was changed."""
         hardware, known = hardware_id_of(packet), self._hardware
         if not hardware.text:
             return ""
@@ -378,7 +374,7 @@ class DuplicateIdDetector:
         return ""
 
     def report(self, t_us: int, system_id: int) -> tuple[Level, str]:
-        """News for the operator since the last call; an empty text for nothing."""
+        """Return the news for the operator since the last call; an empty text for nothing."""
         active = self._conflicts.is_active(t_us)
         if active == self._reported_conflict:
             return ("info", "") if active else ("warning", self._two_addresses_text(t_us, system_id))

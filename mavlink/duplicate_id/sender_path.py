@@ -93,13 +93,13 @@ class SenderPath:
         self._begin(place, clocked=True)
 
     def _begin(self, place: ClaimedPlace, *, clocked: bool) -> None:
-        """Starts with its first place, or the first of another clock."""
+        """Start with its first place, or the first of another clock."""
         self.clocked, self.newest, self.newest_us = clocked, place, place.t_us
         self._offset_us = place.t_us - place.boot_us  # by the message with the least delay
         self.late_us = 0
         """Delay of this sender's link behind another's."""
         self.follows = False
-        """Its places lie on that one's path."""
+        """True if its places lie on the path of a sender that is ahead of it."""
         self._path: SampleBuffer[ClaimedPlace] = SampleBuffer(_PATH, MAX_PROVEN_LAG_US)
         self._path.add(place.boot_us, place)
 
@@ -112,7 +112,7 @@ class SenderPath:
         return place.t_us - self._offset_us - self.delay_us(place)
 
     def set_later_than(self, other: SenderPath) -> None:
-        """Notes that this sender's link is later than another's."""
+        """Note that this sender's link is later than another's."""
         behind_us = _wrapped_us(self._offset_us - other._offset_us)
         self.late_us = max(self.late_us, behind_us + other.late_us)
 
@@ -121,7 +121,7 @@ class SenderPath:
         return self.boot_us(place) + self._offset_us - self.late_us
 
     def add(self, place: ClaimedPlace, *, clocked: bool, alone: bool) -> None:
-        """Adds its next place; its noise is measured only where there are others."""
+        """Add its next place; its noise is measured only where there are others."""
         before, delay_us = self.newest, self.delay_us(place)
         self._count, self.compared = self._count + 1, False
         if clocked != self.clocked or abs(delay_us) > MAX_LINK_LAG_US:
@@ -152,14 +152,14 @@ class SenderPath:
         return before and before[1], self.newest
 
     def add_conflict(self, t_us: int) -> bool:
-        """Counts a contradiction; True when there were enough, over long enough."""
+        """Count a contradiction; True when there were enough, over long enough."""
         if not self._score or not 0 <= t_us - self._conflict_us < _PAUSE_US:
             self._score, self._conflict_since_us = 0, t_us
         self._score, self._conflict_us = min(self._score + _CONFLICT, 2 * _ENOUGH), t_us
         return self._score >= _ENOUGH and t_us - self._conflict_since_us >= _SPAN_US
 
     def add_agreement(self) -> None:
-        """Counts a place that fits."""
+        """Count a place that fits."""
         self._score = max(0, self._score - _AGREEMENT)
 
     @property

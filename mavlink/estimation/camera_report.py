@@ -65,7 +65,7 @@ class CameraReports:
         return camera.information.gimbal_id if camera and camera.information else 0
 
     def add(self, sample: CameraSample) -> list[str]:
-        """Adds any of the four messages; returns what is rejected and why, and which camera is not used. Each once."""
+        """Add any of the four messages; return what is rejected and why, and which camera is not used. Each once."""
         device = sample.device_id or sample.component_id
         camera = self._cameras.setdefault(device, _ReportedCamera())
         texts = [f"{name} not used: {reason}" for name, reason in camera.add(sample)]
@@ -93,7 +93,7 @@ class _ReportedCamera:
     report: CameraReport | None = None
 
     def add(self, sample: CameraSample) -> list[tuple[str, str]]:
-        """Adds a message; returns (message, reason) for each value that is rejected."""
+        """Add a message; return (message, reason) for each value that is rejected."""
         rejected: list[str] = []
         name = _NAMES[type(sample)]
         if isinstance(sample, CameraSettings):

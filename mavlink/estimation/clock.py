@@ -55,7 +55,7 @@ class ClockParams:
     step_hold_us: int = 3 * _S
     """A step is accepted when it has lasted this long."""
     steps_within_us: int = 60 * _S
-    """Three steps within this, and the vehicle's clock is not followed any more."""
+    """Time within which three steps mean that the vehicle's clock is not followed any more."""
     back_us: int = _S
     """Boot time going back by more than this is a reboot or a late copy."""
     reboot_hold_us: int = 250_000
@@ -67,7 +67,7 @@ class ClockParams:
     reboot_surprise_us: int = 600 * _S
     """A boot time farther than this from what was expected, wrapped or not, is taken as it came: a reboot."""
     late_most_us: int = 60 * _S
-    """No link is later than this."""
+    """Delay of the latest link."""
     late_hold_us: int = 15 * _S
     """Time of nothing but late messages after which the vehicle has no faster link: the clock follows them."""
     line_us: int = 5 * _S
@@ -86,13 +86,13 @@ class ClockFit(Enum):
     """Agreement of the boot time of one message with the clock; each as (fits, late)."""
 
     FITS = True, False
-    """It is on the clock's line."""
+    """The message is on the clock's line."""
     LATE = False, True
-    """It came late: of this count, or of the one before the last reboot."""
+    """The message came late: of this count, or of the one before the last reboot."""
     OUTLIER = False, False
-    """Neither: another sender, or a reboot or step that is not accepted yet."""
+    """The message fits neither: another sender, or a reboot or step that is not accepted yet."""
     FOLLOWED_LATE = True, True
-    """It came late, and the clock follows it from now on."""
+    """The message came late, and the clock follows it from now on."""
 
     def __init__(self, fits: bool, late: bool) -> None:
         self.fits = fits
@@ -105,7 +105,7 @@ class ClockReading(NamedTuple):
     """Reading that one message gives of the clock."""
 
     boot_us: int
-    """Its boot time, unwrapped."""
+    """Boot time of the message, unwrapped."""
     fit: ClockFit
     rebooted: bool = False
     """The vehicle has rebooted, as this message proves."""
@@ -148,7 +148,7 @@ class VehicleClock:
         self.epoch = 0
         """Changes whenever boot times before and after cannot be compared: a reboot, or a clock no longer followed."""
         self.restarts = 0
-        """Changes whenever boot times are mapped anew: what came before keeps the Unix time it was given then."""
+        """Changes whenever boot times are mapped again: what came before keeps the Unix time it was given then."""
         self.off_rate = 0.0
         """Rate of a clock that is not followed for it, 1 is as fast as ours; 0 for one that is."""
         self._rate = ClockRate()
@@ -174,7 +174,7 @@ class VehicleClock:
         self._outlier_since_us = 0  # arrival of the first message in a row that did not fit, 0 for none
 
     def add_message(self, boot_ms: int, arrival_us: int, *, trails: bool = False) -> ClockReading:
-        """Learns from one message and returns its boot time.
+        """Learn from one message and return its boot time.
 
         A sender that leaves its boot time at zero has no clock, and one that cannot be followed (a simulator that runs
         at another speed) has none that helps: the boot time of their messages is their arrival.
@@ -221,11 +221,7 @@ class VehicleClock:
         return self._newest
 
     def boot_at(self, boot_ms: int, arrival_us: int) -> int | None:
-        """Boot time of a message that does not teach the clock; None where it is not one of this clock.
-
-        Args:
-            arrival_us: Unix µs.
-        """
+        """Boot time of a message that does not teach the clock; None where it is not one of this clock."""
         if not self._started or self._by_arrival:
             return None
         boot_us = self._unwrap(boot_ms * _MS, arrival_us)
@@ -233,14 +229,14 @@ class VehicleClock:
         return boot_us if -self.params.early_us <= late_us <= self.params.late_us else None
 
     def follow_faster_link(self, reading: ClockReading, arrival_us: int) -> ClockReading:
-        """Follows a message of the same count that came over a faster link: what came so far was late."""
+        """Follow a message of the same count that came over a faster link: what came so far was late."""
         newest = self._newest
         self._former = _FormerClock(newest, round(self._line(newest)), arrival_us, valid=True)
         self._restart(reading.boot_us, arrival_us)
         return ClockReading(reading.boot_us, ClockFit.FITS)
 
     def reset(self) -> None:
-        """Starts again, for a vehicle whose clock was another's."""
+        """Start again, for a vehicle whose clock was another's."""
         self._started = self._by_arrival = False
         self._zero_times = 0
         self.off_rate = 0.0
@@ -365,7 +361,7 @@ class VehicleClock:
         return -self.params.early_us <= arrival_us - boot_us - former.offset_us <= most_us
 
     def _add_outlier(self, boot_us: int, arrival_us: int, late: bool, trails: bool) -> tuple[bool, bool]:
-        """Collects messages on other lines, and follows one once it has run without this clock's for long enough.
+        """Collect messages on other lines, and follow one once it has run without this clock's for long enough.
 
         Returns:
             Whether the clock follows this message now, and whether that is because of a reboot.
@@ -417,7 +413,7 @@ class VehicleClock:
             self._fall_back_to_arrival(arrival_us)
 
     def _fall_back_to_arrival(self, arrival_us: int) -> None:
-        """From now on the boot time of a message is its arrival."""
+        """Take the arrival of a message for its boot time from now on."""
         self._by_arrival = True
         self.epoch += 1
         self._restart(arrival_us, arrival_us)

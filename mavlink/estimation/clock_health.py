@@ -16,21 +16,23 @@ from mavlink.estimation.clock import VehicleClock
 from mavlink.protocol.messages import SystemTime, TimeSync
 
 _MAX_ROUND_TRIP_US = 2_000_000
-"""An answer that took longer is one to another request."""
+"""Longest round trip; an answer that took longer is one to another request."""
 _BIN_US, _BINS = 10_000_000, 60
 """The exchange with the least round trip of each ten seconds is kept, for ten minutes."""
 _FIT_AFTER_US = 30_000_000
-"""TimeSyncExchanges have to span this much for a drift."""
+"""Span that the exchanges need for a drift to be fitted."""
 _MAX_DRIFT_ERROR = 100e-6
-"""A drift is known when half the round trips allow no more error than this."""
+"""Largest error, by half the round trips, with which a drift counts as known."""
 
 CLOCK_ERROR_S = 30.0
-"""A vehicle's Unix time is wrong beyond this: a receiver that does not know the leap seconds yet is 18 s off."""
+"""Error of a vehicle's Unix time beyond which it is wrong: a receiver that does not know the leap seconds yet is 18 s
+off."""
 DRIFT_PPM = 300.0
-"""A vehicle's clock is wrong beyond this: crystals are within some tens of ppm, autopilots measure 120–150 ppm."""
+"""Drift beyond which a vehicle's clock is wrong: crystals are within some tens of ppm, autopilots measure 120–150
+ppm."""
 _WEEK_S = 7 * 86400.0
 _ROLLOVER_WEEKS = 1024
-"""GPS counts weeks modulo this."""
+"""Weeks after which GPS counts from 0 again."""
 
 
 class TimeSyncExchanges:
@@ -42,12 +44,12 @@ class TimeSyncExchanges:
         self._bins: deque[tuple[int, int, float]] = deque(maxlen=_BINS)  # start of the bin, least trip, offset then
 
     def clear(self) -> None:
-        """Removes all, for a vehicle that has rebooted."""
+        """Remove all, for a vehicle that has rebooted."""
         self._bins.clear()
         self.round_trip_s = math.nan
 
     def add(self, sample: TimeSync) -> bool:
-        """One TIMESYNC; False when it answers no request of ours."""
+        """Take in a TIMESYNC; return False where it answers no request of ours."""
         sent_us, boot_us = sample.ts1_ns // 1000, sample.tc1_ns // 1000
         trip_us = sample.t_us - sent_us
         if boot_us <= 0 or not 0 <= trip_us <= _MAX_ROUND_TRIP_US:
@@ -90,7 +92,7 @@ class ClockHealth:
         self._exchanges = TimeSyncExchanges()
 
     def restart(self) -> None:
-        """Starts again, for a vehicle that has rebooted."""
+        """Start again, for a vehicle that has rebooted."""
         self.error_s = math.nan
         self._exchanges.clear()
 
@@ -121,7 +123,7 @@ class ClockHealth:
         return f"its date is {self.error_s:+,.0f} s off"
 
     def add(self, sample: SystemTime | TimeSync) -> None:
-        """Adds one message about time."""
+        """Add one message about time."""
         if isinstance(sample, TimeSync):
             self._exchanges.add(sample)
         elif sample.unix_us:

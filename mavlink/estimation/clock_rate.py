@@ -20,7 +20,7 @@ REAL_BINS = 30
 OFF = 0.05
 """A rate that is off by more is no clock's."""
 UNSTEADY, CHANGED = 0.02, 0.01
-"""Nor is one that is off by so much and changes by so much within seconds."""
+"""Error of a rate, and its change within seconds, with both of which it is no clock's."""
 REAL = 0.005
 """Off by less, a clock can be followed."""
 BACK_US, LEAP_US = 60_000_000, 600_000_000
@@ -36,11 +36,7 @@ class ClockRate:
         self._stop_us = self._newest = 0
 
     def add(self, boot_us: int, arrival_us: int) -> bool:
-        """Learn from a message; True when something new is known.
-
-        Args:
-            arrival_us: Unix µs.
-        """
+        """Learn from a message; True when something new is known."""
         if self._least is not None and not -BACK_US <= boot_us - self._newest <= LEAP_US:
             self.clear()
         self._newest = max(boot_us, self._newest)

@@ -41,7 +41,7 @@ _MAX_ANGLE = 2.0 * math.pi
 """rad; no gimbal reports more."""
 YAW_LOCK, YAW_IN_VEHICLE_FRAME, YAW_IN_EARTH_FRAME = 16, 32, 64
 AGREES = math.radians(20.0)
-"""Two bearings closer than this are the same: one of them comes from a compass."""
+"""Difference below which two bearings are the same: one of them comes from a compass."""
 OVERHEAD = math.sin(math.radians(5.0))
 """Horizontal part of an optical axis below which its bearing means nothing."""
 
@@ -105,16 +105,16 @@ class Gimbals:
         self._reports = ReportOnce()
 
     def clear(self) -> None:
-        """Removes every attitude, for a UAV whose boot times began anew."""
+        """Remove every attitude, for a UAV whose boot times started again."""
         self._buffer.clear()
         self._newest_us.clear()
 
     def set_camera_gimbal(self, gimbal_id: int) -> None:
-        """Sets the gimbal that a camera reports to be mounted on; 0 for none."""
+        """Set the gimbal that a camera reports to be mounted on; 0 for none."""
         self._camera_gimbal = gimbal_id
 
     def add(self, boot_us: int, sample: GimbalSample, body_yaw: float) -> list[str]:
-        """Keeps an attitude.
+        """Keep an attitude.
 
         Args:
             boot_us: when it held.
@@ -231,7 +231,7 @@ def _bearing(camera: tuple[float, float], centre: tuple[float, float]) -> float:
 
 
 def _nlerp(a: Quaternion, b: Quaternion, s: float) -> Quaternion:
-    """Interpolates two rotations the short way; not normalised, since the rotation matrix does not need it."""
+    """Interpolate two rotations the short way; not normalised, since the rotation matrix does not need it."""
     sign = 1.0 if sum(x * y for x, y in zip(a, b, strict=True)) >= 0.0 else -1.0
     w, x, y, z = ((1.0 - s) * p + s * sign * q for p, q in zip(a, b, strict=True))
     return w, x, y, z

@@ -15,14 +15,15 @@ _LASTS_US = 1_500_000
 
 
 class GroundDistance:
-    """The newest of each, dated by arrival: neither is used more closely than the ground is even."""
+    """Newest distances to the ground by rangefinder and terrain map, dated by arrival: neither is used more closely
+    than the ground is even."""
 
     def __init__(self) -> None:
         self._range: DistanceSensor | None = None
         self._terrain: TerrainReport | None = None
 
     def add(self, sample: DistanceSensor | TerrainReport) -> None:
-        """Keeps a sample that measures something."""
+        """Keep a sample that measures something."""
         if isinstance(sample, TerrainReport):
             # without a spacing the autopilot has no map of this place
             if sample.spacing_m > 0 and math.isfinite(sample.current_height_m):
@@ -35,7 +36,7 @@ class GroundDistance:
             self._range = sample
 
     def range_m(self, t_us: int) -> float:
-        """Along the body's own vertical axis at a Unix time, NaN unknown."""
+        """Return the distance along the body's own vertical axis at a Unix time, m; NaN unknown."""
         sample = self._range
         return sample.distance_m if sample and abs(t_us - sample.t_us) <= _LASTS_US else math.nan
 

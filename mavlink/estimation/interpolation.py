@@ -26,7 +26,7 @@ LOST_S = 3.0
 _EXTRAPOLATE_S = 2.0
 """A position is extrapolated by its velocity for this long: vehicles turn, and then it is wrong."""
 _HERMITE_S = 2.0
-"""Over longer gaps velocities do not determine the path between."""
+"""Longest gap over which velocities determine the path between, s."""
 _VELOCITY_MISFIT_MPS = 2.0
 """Velocities that differ from the mean velocity between two positions by more than this are not used for the path."""
 _DRIVER_ACCELERATION = 1.5
@@ -79,7 +79,7 @@ class SampleBuffer(Generic[Sample]):
         return len(self._times)
 
     def add(self, time_us: int, sample: Sample) -> Insertion:
-        """Inserts a sample at its time."""
+        """Insert a sample at its time."""
         times = self._times
         if not times or time_us > times[-1]:
             times.append(time_us)
@@ -118,12 +118,12 @@ class SampleBuffer(Generic[Sample]):
         return self._times[bisect_right(self._times, after_us) : bisect_right(self._times, until_us)]
 
     def replace_all(self, change: Callable[[list[Sample]], list[Sample]]) -> None:
-        """Replaces all samples by changed ones of the same times."""
+        """Replace all samples by changed ones of the same times."""
         if self._samples:
             self._samples = change(self._samples)
 
     def clear(self) -> None:
-        """Removes every sample."""
+        """Remove every sample."""
         self._times.clear()
         self._samples.clear()
 
@@ -141,7 +141,7 @@ class Fix(NamedTuple):
     """Clockwise from north, NaN unknown."""
     std_m: float
     height_m: float
-    """Above home as reported."""
+    """Height above home as reported, m."""
     up_std_m: float
     """1σ of ``up``; NaN where no possible altitude was reported and ``up`` is that of the home plane."""
 
@@ -151,7 +151,7 @@ class PositionEstimate(NamedTuple):
 
     fix: Fix
     age_s: float
-    """Since the newest report at or before that time."""
+    """Time since the newest report at or before that time, s."""
     bracketed: bool
     """A later report exists too, and soon enough after: interpolated, not extrapolated."""
 
@@ -224,7 +224,7 @@ class Pose(NamedTuple):
     pitch: float
     yaw: float
     age_s: float
-    """Since the newest report at or before that time."""
+    """Time since the newest report at or before that time, s."""
     bracketed: bool
     """Interpolated, not extrapolated."""
 
@@ -252,7 +252,7 @@ class Attitudes:
         self._buffer: SampleBuffer[_Angles] = SampleBuffer()
 
     def clear(self) -> None:
-        """Removes every attitude, for a vehicle that has rebooted."""
+        """Remove every attitude, for a vehicle that has rebooted."""
         self._buffer.clear()
 
     def times(self, after_us: int, until_us: int) -> list[int]:
@@ -270,7 +270,7 @@ class Attitudes:
         return abs(sample.roll) <= _MAX_ANGLE and abs(sample.pitch) <= _MAX_ANGLE and abs(sample.yaw) <= _MAX_ANGLE
 
     def add(self, boot_us: int, sample: Attitude) -> bool:
-        """Keeps one report; False when it is no attitude, too late or there already."""
+        """Keep one report; False when it is no attitude, too late or there already."""
         if not self.is_possible(sample):
             return False
         return self._buffer.add(boot_us, _angles(sample)) is Insertion.ADDED

@@ -36,16 +36,16 @@ class Origin:
         self._places: dict[int, tuple[int, _Place]] = {}
 
     def add_report(self, sample: GlobalPosition) -> None:
-        """Stores the reported position of a vehicle."""
+        """Store the reported position of a vehicle."""
         self._places[sample.system_id] = (sample.t_us, (sample.lat_deg, sample.lon_deg))
 
     def set_home_altitude(self, sample: GlobalPosition) -> None:
-        """Sets the altitude of the home plane from the UAV's altitude and height above home, where both are known."""
+        """Set the altitude of the home plane from the UAV's altitude and height above home, where both are known."""
         if altitude_known(sample.relative_alt_m) and altitude_known(sample.alt_m):
             self.home_alt_m = sample.alt_m - sample.relative_alt_m
 
     def move_to(self, sample: GlobalPosition) -> None:
-        """Moves the origin to the position of a vehicle."""
+        """Move the origin to the position of a vehicle."""
         self.frame = LocalFrame(sample.lat_deg, sample.lon_deg, sample.alt_m)
 
     def distance_m(self, sample: GlobalPosition) -> float:

@@ -24,6 +24,45 @@ from mavlink.reception.reception import SenderKey
 from mavlink.reception.rejected_packets import REPORT_AGAIN_US
 from mavlink.state import Level
 
+_JUMPS, _JUMPS_US = 3, 10_000_000
+"""Jumps (there, back and there again), and the time within which they count as jumping to and fro."""
+_AWAY_US = 2_000_000
+"""Time away that counts likewise: longer than a place that is held needs to be accepted."""
+_SETTLED_US = 3_000_000
+"""Time after the last jump in which a vehicle settles."""
+_FIX_LASTS_US = 5_000_000
+"""GPS_RAW_INT comes once a second; older ones no longer describe the receiver."""
+_FIX_STEADY_US = 5_000_000
+"""A fix that has not changed for this long does not come and go."""
+_MAX_RECEIVERS = 16
+"""Channels and components remembered: a flood of addresses must not cost memory."""
+_HOLD_US = 5_000_000
+"""Reports of filters and sensors come once a second."""
+_JUMP_HOLD_US = 1_000_000
+"""A jump ends with the place that was accepted: the event stays, the alarm lasts long enough to be seen."""
+_TEXT_HOLD_US = 60_000_000
+"""Hold of a text without a text that ends it: the radio may have lost that one."""
+_FAILED_RATIO = 1.0
+"""Innovation over what the filter allows: from here on it rejects the measurement."""
+_M_PER_RATIO = 5.0
+"""Metres of innovation for a unit of that ratio, at most, with the gates that autopilots ship with."""
+_UNKNOWN_M, _UNAIDED_M = 10.0, 30.0
+"""1σ while the size of an error is unknown, and of a position that no outside measurement corrects."""
+_GAP_M, _GAP_S, _GAP_STDS = 8.0, 0.3, 3.0
+"""Receiver and filter may differ by this distance, by what a vehicle moves in this time (the receiver's own delay), and
+by this many σ of the receiver."""
+_GAPS = 2
+"""Fixes in a row that have to be too far apart."""
+_FIX_3D, _COMPARED_S = 3, 0.5
+"""Fix type that is compared, and the longest extrapolation of the estimate with which it is."""
+_CRITICAL = 5
+"""MAV_STATE of an autopilot in a failsafe."""
+_SERIOUS = 3
+"""MAV_SEVERITY of an error."""
+_BEGIN = ("gps glitch", "ekf variance", "ekf failsafe", "position estimate lost", "jamming", "spoofing")
+_END = ("glitch cleared", "failsafe cleared", "variance cleared")
+"""Parts of ArduPilot's and PX4's status texts."""
+
 
 class PositionRejections:
     """Counts what one vehicle reported and what was not used, by reason."""
@@ -34,16 +73,16 @@ class PositionRejections:
         self.last_us = 0
         """Arrival of the last of them, 0 never."""
         self.reason = ""
-        """Why, while no good position has come since."""
+        """Reason of the last rejection, while no good position has come since."""
         self.reports = Throttle(REPORT_AGAIN_US)
         self._counts: dict[str, int] = {}
 
     def count(self, reason: str) -> None:
-        """Counts a value that is left out; the rest of its report may be used."""
+        """Count a value that is left out; the rest of its report may be used."""
         self._counts[reason] = self._counts.get(reason, 0) + 1
 
     def add_position(self, t_us: int, reason: str, *, had_position: bool) -> Level | None:
-        """Counts a position that cannot be right.
+        """Count a position that cannot be right.
 
         Returns:
             How urgently an operator should know; None where it was reported a moment ago.
@@ -61,14 +100,6 @@ class PositionRejections:
         return tuple(self._counts.items())
 
 
-_JUMPS, _JUMPS_US = 3, 10_000_000
-"""Jumps (there, back and there again), and the time within which they count as jumping to and fro."""
-_AWAY_US = 2_000_000
-"""Time away that counts likewise: longer than a place that is held needs to be accepted."""
-_SETTLED_US = 3_000_000
-"""After the last jump a vehicle has settled."""
-
-
 class JumpDetector:
     """Finds out whether a vehicle's own position jumps to and fro, as that of a receiver which is jammed or fails.
 
@@ -84,7 +115,7 @@ class JumpDetector:
         self._last_us = 0
 
     def add(self, verdict: Verdict, channel: Hashable, t_us: int, fix: Fix) -> None:
-        """Adds a report.
+        """Add a report.
 
         Args:
             verdict: from :meth:`mavlink.estimation.positions.Positions.add`.
@@ -119,14 +150,6 @@ class JumpDetector:
         return horizontal_distance_m(fix, self._good_fix) < horizontal_distance_m(fix, self._away_fix)
 
 
-_FIX_LASTS_US = 5_000_000
-"""GPS_RAW_INT comes once a second; older ones no longer describe the receiver."""
-_FIX_STEADY_US = 5_000_000
-"""A fix that has not changed for so long does not come and go."""
-_MAX_RECEIVERS = 16
-"""Channels and components remembered: a flood of addresses must not cost memory."""
-
-
 class _FixChange(NamedTuple):
     t_us: int
     was: str
@@ -146,7 +169,7 @@ class GpsReceivers:
         self._flapping = False
 
     def add(self, sample: GpsRaw, sender: SenderKey) -> tuple[Level, str]:
-        """Keeps a report; returns what an operator should know, an empty text for nothing.
+        """Keep a report; return what an operator should know, an empty text for nothing.
 
         A fix that comes and goes is reported once, and once more when it is steady again.
         """
@@ -191,36 +214,8 @@ def _receiver_key(sender: SenderKey) -> tuple[int, int, int]:
     return sender.link, sender.peer, sender.component
 
 
-_HOLD_US = 5_000_000
-"""Reports of filters and sensors come once a second."""
-_JUMP_HOLD_US = 1_000_000
-"""A jump ends with the place that was accepted: the event stays, the alarm lasts long enough to be seen."""
-_TEXT_HOLD_US = 60_000_000
-"""Hold of a text without a text that ends it: the radio may have lost that one."""
-_FAILED_RATIO = 1.0
-"""Innovation over what the filter allows: from here on it rejects the measurement."""
-_M_PER_RATIO = 5.0
-"""Metres of innovation for a unit of that ratio, at most, with the gates that autopilots ship with."""
-_UNKNOWN_M, _UNAIDED_M = 10.0, 30.0
-"""1σ while the size of an error is unknown, and of a position that no outside measurement corrects."""
-_GAP_M, _GAP_S, _GAP_STDS = 8.0, 0.3, 3.0
-"""Receiver and filter may differ by this distance, by what a vehicle moves in this time (the receiver's own delay), and
-by this many σ of the receiver."""
-_GAPS = 2
-"""Fixes in a row that have to be too far apart."""
-_FIX_3D, _COMPARED_S = 3, 0.5
-"""Only a 3D fix is compared, and only with an estimate that is extrapolated for no longer."""
-_CRITICAL = 5
-"""MAV_STATE of an autopilot in a failsafe."""
-_SERIOUS = 3
-"""MAV_SEVERITY of an error."""
-_BEGIN = ("gps glitch", "ekf variance", "ekf failsafe", "position estimate lost", "jamming", "spoofing")
-_END = ("glitch cleared", "failsafe cleared", "variance cleared")
-"""Parts of ArduPilot's and PX4's status texts."""
-
-
 class Doubt(NamedTuple):
-    """Why a position is doubtful, and its 1σ."""
+    """Reason to doubt a position, and its 1σ."""
 
     reason: str
     std_m: float
@@ -297,7 +292,7 @@ class PositionDoubts:
         self._critical, self._armed = sample.status == _CRITICAL, sample.armed
 
     def add_fix(self, sample: GpsRaw, std_m: float, then: PositionEstimate | None, frame: LocalFrame) -> None:
-        """Compares a receiver's own fix with what the filter makes of it.
+        """Compare a receiver's own fix with what the filter makes of it.
 
         Args:
             std_m: 1σ of it.
@@ -325,7 +320,8 @@ class PositionDoubts:
             self._evidence.pop(kind, None)
 
     def _update_settled(self, kind: str, t_us: int, healthy: bool | None, reason: str, std_m: float) -> None:
-        """The same of what is unhealthy in every vehicle just switched on, until it has settled; None: not in use."""
+        """Equivalent of ``_update`` for what is unhealthy in every vehicle just switched on, until it has settled;
+        None: not in use."""
         if healthy:
             self._was_healthy.add(kind)
         self._update(kind, t_us, healthy is False and (self._armed or kind in self._was_healthy), reason, std_m)

@@ -24,6 +24,45 @@ from mavlink.geodesy import LocalFrame, wrap_pi
 from mavlink.protocol.messages import GlobalPosition, GpsRaw
 from mavlink.state import PositionState
 
+UNSTEADY_ALTITUDE = "altitude, contradicts itself from report to report"
+NOT_YET = frozenset({"no fix (0/0)", "no GPS fix"})
+"""Reasons of a vehicle that waits for its first fix: no fault before it has had one."""
+_NEAR_ZERO_DEG = 1e-3
+"""Autopilots without a fix report 0/0, or a few units of 1e-7° around it."""
+_FIX_NONE, _FIX_2D = 1, 2
+_STD_OF_FIX_M = {4: 1.0, 5: 0.3, 6: 0.05}
+"""1σ by GPS_FIX_TYPE where the receiver reports no accuracy: DGPS, RTK float, RTK fixed."""
+_M_PER_HDOP = 1.5
+"""1σ of a single-frequency receiver at a dilution of 1."""
+_MIN_ACCURACY_M, _MIN_DILUTED_M = 0.02, 0.5
+"""1σ is never less than this, by reported accuracy and by dilution."""
+_SEA_LEVEL_M = 5.0
+"""Altitudes this near to zero are those of a barometer that was set to zero where the vehicle was switched on."""
+_MIN_UP_STD_M = 2.0
+"""1σ of an altitude is never less than this, however good the receiver: barometers drift with the weather."""
+_ALTITUDE_M = -1000.0, 20_000.0
+"""Possible altitudes above sea level; the wire's values for "unknown" are not among them."""
+_STDS = 3.0
+"""Position errors up to this many σ are no jump."""
+_GAPS, _MIN_GAPS = 5, 3
+"""Number of last gaps between reports whose median is the usual gap, and the least for one: outages count nothing."""
+_STALE_S = 1.0
+"""Radios are a few tenths of a second late: younger positions are never stale."""
+_PERIOD_GAIN = 0.1
+"""Weight of the newest gap in the usual period between reports: one loss must not look like a slow sender."""
+_STANDING_SPEED = 0.3
+"""m/s; at less a vehicle is at rest, and its position may repeat."""
+_STANDING_REPORT_US = 1_000_000
+"""A standing vehicle's repeated position counts as new evidence this often."""
+_STEADY_ALTITUDE_M, _STEADY_AGAIN_M, _LONGEST_STEP_M, _ALTITUDE_GAIN = 12.0, 6.0, 30.0, 0.3
+"""Altitudes whose steps from report to report are larger than the first on average contradict themselves, until the
+steps are smaller than the second. A step counts for the third at most, and the newest has the weight of the fourth."""
+_YAW_GAP = math.radians(20.0)
+"""A heading this far from the attitude's yaw is wrong."""
+_COURSE_DISTRUST, _COURSE_WORST = 5, 10
+"""Reports (wrong less right ones) after which a heading is distrusted, and the most that are counted: trust comes back
+after as many right ones."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class VehicleLimits:
@@ -32,27 +71,29 @@ class VehicleLimits:
     max_speed: float = 30.0
     """m/s; a position that needs more than this to get to is rejected. Raise for fast vehicles."""
     jump_margin_m: float = 20.0
-    """Beyond what the speed allows: filters settle in steps, and white noise of 4 m makes neighbours 20 m apart."""
+    """Margin beyond what the speed allows, m: filters settle in steps, and white noise of 4 m makes neighbours 20 m
+    apart."""
     jump_accept_us: int = 1_000_000
     """A new place that has been held for this long, with nothing from the old one, is where the vehicle is."""
     height_gap_m: float = 150.0
     """A ground vehicle this far above or below the UAV's home reports the wrong altitude: hills are lower."""
     sea_level_gap_m: float = 30.0
-    """The same for one that reports sea level, as autopilots do until their filter has started."""
+    """Equivalent of ``height_gap_m`` for a vehicle that reports sea level, as autopilots do until their filter has
+    started."""
     course_gap: float = math.radians(40.0)
-    """Heading this far from the course, forward or backward, while driving: the heading is wrong."""
+    """Difference of heading and course, forward or backward, while driving, above which the heading is wrong."""
     course_speed: float = 1.0
     """m/s; at less the course is not compared."""
     default_std_m: float = 2.0
     """1σ when the receiver reports none."""
     default_up_std_m: float = 3.0
-    """The same of the altitude, which a barometer carries on from a receiver's first fix."""
+    """1σ of the altitude when the receiver reports none: a barometer carries it on from the first fix."""
     max_acceleration: float = 4.0
     """m/s²; what two radios of one vehicle may differ by between their reports. Raise for agile vehicles."""
     max_climb: float = 20.0
     """m/s; an aircraft whose height changes faster has jumped."""
     climb_margin_m: float = 20.0
-    """Beyond what the climb allows."""
+    """Margin beyond what the climb allows, m."""
 
 
 class Verdict(Enum):
@@ -75,49 +116,8 @@ class Verdict(Enum):
         """The vehicle cannot have got there."""
 
 
-UNSTEADY_ALTITUDE = "altitude, contradicts itself from report to report"
-NOT_YET = frozenset({"no fix (0/0)", "no GPS fix"})
-"""Reasons of a vehicle that waits for its first fix: no fault before it has had one."""
-_NEAR_ZERO_DEG = 1e-3
-"""Autopilots without a fix report 0/0, or a few units of 1e-7° around it."""
-_FIX_NONE, _FIX_2D = 1, 2
-_STD_OF_FIX_M = {4: 1.0, 5: 0.3, 6: 0.05}
-"""1σ by GPS_FIX_TYPE where the receiver reports no accuracy: DGPS, RTK float, RTK fixed."""
-_M_PER_HDOP = 1.5
-"""1σ of a single-frequency receiver at a dilution of 1."""
-_LEAST_ACCURACY_M, _LEAST_DILUTED_M = 0.02, 0.5
-"""1σ is never less than this, by reported accuracy and by dilution."""
-_SEA_LEVEL_M = 5.0
-"""Altitudes this near to zero are those of a barometer that was set to zero where the vehicle was switched on."""
-_LEAST_UP_STD_M = 2.0
-"""1σ of an altitude is never less than this, however good the receiver: barometers drift with the weather."""
-_ALTITUDE_M = -1000.0, 20_000.0
-"""Possible altitudes above sea level; the wire's values for "unknown" are not among them."""
-_STDS = 3.0
-"""Position errors up to this many σ are no jump."""
-
-_GAPS, _LEAST_GAPS = 5, 3
-"""Number of last gaps between reports whose median is the usual gap, and the least for one: outages count nothing."""
-_STALE_S = 1.0
-"""Radios are a few tenths of a second late: younger positions are never stale."""
-_PERIOD_GAIN = 0.1
-"""Weight of the newest gap in the usual period between reports: one loss must not look like a slow sender."""
-_STANDING_SPEED = 0.3
-"""m/s; at less a vehicle is at rest, and its position may repeat."""
-_STANDING_REPORT_US = 1_000_000
-"""A standing vehicle's repeated position counts as new evidence this often."""
-_STEADY_ALTITUDE_M, _STEADY_AGAIN_M, _LONGEST_STEP_M, _ALTITUDE_GAIN = 12.0, 6.0, 30.0, 0.3
-"""Altitudes whose steps from report to report are larger than the first on average contradict themselves, until the
-steps are smaller than the second. A step counts for the third at most, and the newest has the weight of the fourth."""
-_YAW_GAP = math.radians(20.0)
-"""A heading this far from the attitude's yaw is wrong."""
-_COURSE_DISTRUST, _COURSE_WORST = 5, 10
-"""Reports (wrong less right ones) after which a heading is distrusted, and the most that are counted: trust comes back
-after as many right ones."""
-
-
 def place_error(position: GlobalPosition, gps: GpsRaw | None) -> str:
-    """Why a report is no place on Earth, in a word or two; empty when it may be one.
+    """Return why a report is no place on Earth, in a word or two; empty when it may be one.
 
     Args:
         gps: the same vehicle's receiver lately, None unknown.
@@ -157,7 +157,7 @@ def too_far(gap_m: float, dt_s: float, std_m: float, limits: VehicleLimits) -> b
 def position_stds(gps: GpsRaw | None, limits: VehicleLimits) -> tuple[float, float]:
     """1σ of a position, level and of its altitude: as the receiver estimates them, else by what else it reports."""
     known = gps is not None and math.isfinite(gps.v_acc_m)
-    return _level_std(gps, limits), max(gps.v_acc_m, _LEAST_UP_STD_M) if gps and known else limits.default_up_std_m
+    return _level_std(gps, limits), max(gps.v_acc_m, _MIN_UP_STD_M) if gps and known else limits.default_up_std_m
 
 
 def _level_std(gps: GpsRaw | None, limits: VehicleLimits) -> float:
@@ -165,11 +165,11 @@ def _level_std(gps: GpsRaw | None, limits: VehicleLimits) -> float:
     if gps is None or gps.fix_type < _FIX_2D:
         return limits.default_std_m
     if math.isfinite(gps.h_acc_m):
-        return max(gps.h_acc_m, _LEAST_ACCURACY_M)
+        return max(gps.h_acc_m, _MIN_ACCURACY_M)
     if gps.fix_type in _STD_OF_FIX_M:
         return _STD_OF_FIX_M[gps.fix_type]
     if math.isfinite(gps.hdop):
-        return max(_M_PER_HDOP * gps.hdop, _LEAST_DILUTED_M)
+        return max(_M_PER_HDOP * gps.hdop, _MIN_DILUTED_M)
     return limits.default_std_m
 
 
@@ -180,7 +180,8 @@ def course_gap(v_east: float, v_north: float, heading: float) -> float:
 
 
 def in_frame(fixes: Sequence[Fix], before: LocalFrame, now: LocalFrame) -> list[Fix]:
-    """The same places in another local frame; velocities and headings stay, they refer to the north at the place."""
+    """Return the estimates in another local frame; velocities and headings stay, they refer to the north at the
+    place."""
     p_enu = np.array([fix[:3] for fix in fixes], dtype=np.float64).reshape(-1, 3)
     moved = now.to_enu(*before.to_geodetic(p_enu)).tolist()
     return [fix._replace(east=p[0], north=p[1], up=p[2]) for p, fix in zip(moved, fixes, strict=True)]
@@ -258,14 +259,14 @@ class Positions:
         self._reported_us = 0
 
     def clear(self) -> None:
-        """Removes every position, for a vehicle that has rebooted."""
+        """Remove every position, for a vehicle that has rebooted."""
         self._fixes.clear()
         self._elsewhere.clear()
         self._place = (math.nan, math.nan)
         self._reported_us = 0
 
     def change_frame(self, before: LocalFrame, now: LocalFrame, reach_m: float) -> None:
-        """Converts every position to another local frame; removes them where the newest is farther than it reaches."""
+        """Convert every position to another local frame; remove them where the newest is farther than it reaches."""
         self._fixes.replace_all(lambda fixes: in_frame(fixes, before, now))
         self._elsewhere.clear()
         if self.newest is not None and math.hypot(*self.newest[1][:3]) > reach_m:
@@ -316,7 +317,7 @@ class Positions:
         return self._altitude_trusted
 
     def add(self, boot_us: int, fix: Fix, place: tuple[float, float]) -> Verdict:
-        """Compares one report with those before and keeps it when it can be right.
+        """Compare one report with those before and keep it when it can be right.
 
         Args:
             boot_us: when it was made.
@@ -357,7 +358,7 @@ class Positions:
         """
         if estimate is None:
             return "refused" if rejected_for and rejected_for not in NOT_YET else "never"
-        gap_s = statistics.median(self._gaps_s) if len(self._gaps_s) >= _LEAST_GAPS else 0.0
+        gap_s = statistics.median(self._gaps_s) if len(self._gaps_s) >= _MIN_GAPS else 0.0
         due_s = _STALE_S if math.isnan(self.period_s) else 2.0 * max(self.period_s, gap_s)
         if estimate.bracketed or estimate.age_s <= due_s:
             return "ok"

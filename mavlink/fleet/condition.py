@@ -20,24 +20,24 @@ from mavlink.protocol.messages import (
 )
 from mavlink.state import ARMING_FAILURES, VehicleCondition
 
-_MOST_SOURCES = 16
+_MAX_SOURCES = 16
 """Batteries, receivers and components that are remembered of each kind: a flood of ids must not cost memory."""
-_MOST_REASONS = 8
+_MAX_REASONS = 8
 """Reasons against arming."""
 _GONE_US = 30_000_000
 """Silence after which one is gone while another reports: slow links bring one report in ten seconds."""
 _REASON_US = 60_000_000
-"""A reason against arming that is not repeated for so long is gone: ArduPilot repeats those that hold every 30 s."""
+"""A reason against arming that is not repeated for this long is gone: ArduPilot repeats those that hold every 30 s."""
 _PAYLOAD = 4
 """MAV_BATTERY_FUNCTION of what does not drive."""
 _STATES = {2: "low", 3: "critical", 4: "emergency", 5: "failed", 6: "unhealthy"}
-_MOST_SATELLITES = 100
-"""More are not above any horizon."""
+_MAX_SATELLITES = 100
+"""Most satellites above any horizon."""
 _UNKNOWN_RSSI = 255
 
-_Telling = BatteryStatus | SensorHealth | FilterStatus | GpsRaw | SecondGps | Heartbeat | StatusText
-_TELLING = get_args(_Telling)
-"""Samples that tell of the condition: most others are positions and attitudes."""
+_ConditionSample = BatteryStatus | SensorHealth | FilterStatus | GpsRaw | SecondGps | Heartbeat | StatusText
+_CONDITION_SAMPLES = get_args(_ConditionSample)
+"""Samples with a part of the condition: most others are positions and attitudes."""
 
 Power = TypeVar("Power", BatteryStatus, SensorHealth)
 Source = TypeVar("Source", BatteryStatus, SensorHealth, FilterStatus, GpsRaw | SecondGps)
@@ -66,10 +66,10 @@ class ConditionReports:
     def add(self, sample: Sample | None, channel: tuple[int, int]) -> None:
         """Take in one message, of whatever kind, that came over a channel."""
         self.channel = channel
-        if isinstance(sample, _TELLING):
+        if isinstance(sample, _CONDITION_SAMPLES):
             self._keep(sample)
 
-    def _keep(self, sample: _Telling) -> None:
+    def _keep(self, sample: _ConditionSample) -> None:
         if isinstance(sample, BatteryStatus):
             if sample.function != _PAYLOAD:
                 _keep(self._batteries, (sample.component_id, sample.battery_id), self._checked(sample))
@@ -78,7 +78,7 @@ class ConditionReports:
         elif isinstance(sample, FilterStatus):
             _keep(self._filters, sample.component_id, sample)
         elif isinstance(sample, GpsRaw | SecondGps):
-            if sample.satellites > _MOST_SATELLITES:
+            if sample.satellites > _MAX_SATELLITES:
                 self._count("satellites that cannot be")
             else:
                 _keep(self._receivers, (sample.component_id, type(sample)), sample)
@@ -86,7 +86,7 @@ class ConditionReports:
             self._reasons.clear()
         elif isinstance(sample, StatusText) and sample.text.startswith(ARMING_FAILURES):
             self._reasons.pop(sample.text, None)
-            while len(self._reasons) >= _MOST_REASONS:
+            while len(self._reasons) >= _MAX_REASONS:
                 del self._reasons[next(iter(self._reasons))]
             self._reasons[sample.text] = sample.t_us
 
@@ -128,13 +128,13 @@ class ConditionReports:
 
     def _arming(self, t_us: int, sensors: SensorHealth | None) -> tuple[str, ...]:
         checks = sensors.arming if sensors and t_us - sensors.t_us < _GONE_US else None
-        since_us = sensors.t_us if sensors and checks else 0  # passed then: what was said before is over
-        said = tuple(
+        since_us = sensors.t_us if sensors and checks else 0  # passed then: earlier reasons are over
+        reasons = tuple(
             text.partition(": ")[2]
-            for text, said_us in self._reasons.items()
-            if since_us <= said_us and t_us - said_us < _REASON_US
+            for text, reported_us in self._reasons.items()
+            if since_us <= reported_us and t_us - reported_us < _REASON_US
         )
-        return said or (("no reason given",) if checks is False else ())
+        return reasons or (("no reason given",) if checks is False else ())
 
     def _lowest(self) -> BatteryStatus | None:
         """Battery with the lowest charge, else with the lowest voltage; None without any."""
@@ -158,7 +158,7 @@ class ConditionReports:
         return max(fresh, key=lambda each: (each.fix_type, each.satellites), default=None)
 
     def _checked(self, sample: Power) -> Power:
-        """Without a charge that cannot be."""
+        """Return the report without a charge that cannot be."""
         if -1 <= sample.charge_percent <= 100:
             return sample
         self._count("battery charge that cannot be")
@@ -167,7 +167,7 @@ class ConditionReports:
 
 def _keep(reports: dict[Hashable, Source], key: Hashable, sample: Source) -> None:
     reports.pop(key, None)
-    while len(reports) >= _MOST_SOURCES:
+    while len(reports) >= _MAX_SOURCES:
         del reports[next(iter(reports))]
     reports[key] = sample
 

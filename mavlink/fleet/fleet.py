@@ -60,15 +60,22 @@ from mavlink.state import CameraReport, FleetState, Level, Notice, Reports, UavA
 NO_FIX = Fix(*[math.nan] * 10)
 _REPORTING_US = 1_000_000
 """Time after which nothing is waited for any more: it stopped, or comes too rarely to interpolate."""
+MODEM_MESSAGES = (109, 166)
+"""RADIO_STATUS and RADIO."""
+_UAV_LIMITS = VehicleLimits(max_speed=80.0, max_acceleration=12.0)
+"""A fast multicopter or a small plane."""
+_MAX_UNDATED = 300
+"""Attitudes of the gimbal that are held back until the UAV's clock has an anchor."""
+_ORIGIN_PATIENCE_US = 10_000_000
+"""Time that the origin waits for the UAV's first position: a receiver that has just been switched on needs longer."""
+_MAX_WAITING = 2000
+"""Reports kept until the origin is known."""
+_MAX_REPORTS = 100_000
+"""Reports kept until they are collected."""
 
 
 def uav_attitude(uav: Vehicle, gimbals: Gimbals, t_us: int, *, gimbal: bool) -> UavAttitude:
-    """The UAV's attitude at a Unix time, each sample by its own time.
-
-    Args:
-        t_us: when.
-        gimbal: whether the gimbal's is asked for, too.
-    """
+    """The UAV's attitude at a Unix time, each sample by its own time."""
     boot_us = uav.clock.boot_of(t_us)
     pose = uav.attitudes.at(boot_us)
     roll, pitch, yaw = pose[:3] if pose else (math.nan, math.nan, math.nan)
@@ -86,12 +93,7 @@ def uav_attitude(uav: Vehicle, gimbals: Gimbals, t_us: int, *, gimbal: bool) -> 
 def uav_state(
     uav: Vehicle, gimbals: Gimbals, camera: CameraReport | None, ground: GroundDistance, t_us: int
 ) -> UavState:
-    """The UAV at a Unix time, each sample by its own time.
-
-    Args:
-        ground: what it reports of the ground below it.
-        t_us: when.
-    """
+    """The UAV at a Unix time, each sample by its own time."""
     attitude, estimate = uav_attitude(uav, gimbals, t_us, gimbal=True), uav.estimate(t_us)
     fix = estimate.fix if estimate else NO_FIX
     return UavState(
@@ -121,17 +123,8 @@ def is_awaited(uav: Vehicle, gimbals: Gimbals, t_us: int) -> bool:
     return False
 
 
-MODEM_MESSAGES = (109, 166)
-"""RADIO_STATUS and RADIO."""
-
-
 def add_radio_status(packet: Packet, vehicles: Mapping[int, Vehicle]) -> None:
-    """Give a modem's report to the vehicles that it is about.
-
-    Args:
-        packet: one of ``MODEM_MESSAGES``.
-        vehicles: by system id.
-    """
+    """Give a modem's report to the vehicles that it is about."""
     sample = decode(packet)
     if packet.auth > Auth.GOOD or not isinstance(sample, RadioStatus):
         return
@@ -142,18 +135,6 @@ def add_radio_status(packet: Packet, vehicles: Mapping[int, Vehicle]) -> None:
     behind = [vehicle for vehicle in vehicles.values() if vehicle.conditions.channel == channel]
     for vehicle in behind:
         vehicle.conditions.add_radio(sample, shared=len(behind) > 1)
-
-
-_UAV_LIMITS = VehicleLimits(max_speed=80.0, max_acceleration=12.0)
-"""A fast multicopter or a small plane."""
-_MAX_UNDATED = 300
-"""Attitudes of the gimbal that are held back until the UAV's clock has an anchor."""
-_ORIGIN_PATIENCE_US = 10_000_000
-"""Time that the origin waits for the UAV's first position: a receiver that has just been switched on needs longer."""
-_MAX_WAITING = 2000
-"""Reports kept until the origin is known."""
-_MAX_REPORTS = 100_000
-"""Reports kept until they are collected."""
 
 
 class _AcceptedPosition(NamedTuple):
@@ -254,7 +235,7 @@ class Fleet:
             kept.extend(mine)  # type: ignore[arg-type]
 
     def add_packet(self, packet: Packet) -> tuple[Notice, ...]:
-        """Adds one packet, in order of arrival; returns what an operator should know."""
+        """Add one packet, in order of arrival; return what an operator should know."""
         message_id = packet.message_id
         if message_id not in DEFINITIONS:
             return ()  # its checksum could not be verified, so not even its sender is known
@@ -363,14 +344,14 @@ class Fleet:
         )
 
     def _after(self, vehicle: Vehicle, notices: tuple[Notice, ...]) -> tuple[Notice, ...]:
-        """Drops positions not yet collected of a vehicle that turns out to have two senders; returns the notices."""
+        """Drop positions not yet collected of a vehicle that turns out to have two senders; return the notices."""
         if notices and self._evidence and vehicle.in_conflict(notices[-1].t_us):
             kept = (report for report in self._evidence if report.vehicle is not vehicle)
             self._evidence = deque(kept, maxlen=_MAX_REPORTS)
         return notices
 
     def _unknown_vehicle(self, packet: Packet) -> tuple[Notice, ...]:
-        """Reports once that a vehicle is on the air that is not in the mission."""
+        """Report once that a vehicle is on the air that is not in the mission."""
         if packet.system_id in self._unknown_ids or packet.message_id != 0:
             return ()
         sample = decode(packet)
@@ -415,15 +396,15 @@ class Fleet:
         return near_majority is False or (near_majority is None and far and vehicle is not self._uav)
 
     def _found_origin(self, vehicle: Vehicle, report: PositionReport) -> bool:
-        """Sets the origin if this report may; else keeps the report for when it is known."""
+        """Set the origin if this report may; else keep the report for when it is known."""
         sample, stand = report.sample, self._stand
         self._waiting_since_us = self._waiting_since_us or sample.t_us
-        told = vehicle is self._uav or (stand is not None and altitude_known(sample.alt_m))
-        if not told and sample.t_us - self._waiting_since_us < _ORIGIN_PATIENCE_US:
+        has_altitude = vehicle is self._uav or (stand is not None and altitude_known(sample.alt_m))
+        if not has_altitude and sample.t_us - self._waiting_since_us < _ORIGIN_PATIENCE_US:
             self._waiting.append((vehicle, vehicle.clock.epoch, report))
             return False
         if stand:  # its height is above the ground of the vehicle that is heard first
-            self._place_stand(replace(stand, alt_m=(sample.alt_m if told else 0.0) + stand.height_m))
+            self._place_stand(replace(stand, alt_m=(sample.alt_m if has_altitude else 0.0) + stand.height_m))
         else:
             self._origin.move_to(sample)
         if vehicle is self._uav:
@@ -436,7 +417,7 @@ class Fleet:
         return True
 
     def _place_stand(self, stand: Stand) -> None:
-        """Takes the stand, whose altitude is known, for the origin."""
+        """Take the stand, whose altitude is known, for the origin."""
         self._stand, self._origin.home_alt_m = stand, stand.ground_alt_m
         self._origin.frame = LocalFrame(stand.lat_deg, stand.lon_deg, stand.alt_m)
 
@@ -460,7 +441,7 @@ class Fleet:
         return notices
 
     def _move_origin(self, sample: GlobalPosition) -> tuple[Notice, ...]:
-        """Puts the origin where a vehicle is; positions are converted, and those too far away dropped."""
+        """Put the origin where a vehicle is; positions are converted, and those too far away dropped."""
         before, distance_m = self.origin, self._origin.distance_m(sample)
         self._origin.move_to(sample)
         now = self.origin
@@ -514,7 +495,7 @@ class Fleet:
 
 
 def _add_heartbeat(vehicle: Vehicle, sample: Heartbeat, arrival: Arrival) -> Iterable[Notice]:
-    """Gimbals, cameras and relayed stations send heartbeats too, and are no vehicles."""
+    """Add a vehicle's heartbeat; gimbals, cameras and relayed stations send some too, and are no vehicles."""
     return vehicle.add_heartbeat(sample, arrival) if is_vehicle(sample.type, sample.autopilot) else ()
 
 

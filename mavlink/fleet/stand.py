@@ -18,9 +18,9 @@ class Stand:
     lat_deg: float
     lon_deg: float
     alt_m: float
-    """Above sea level, NaN unknown."""
+    """Altitude above sea level, m, NaN unknown."""
     height_m: float
-    """Above the ground, NaN unknown."""
+    """Height above the ground, m, NaN unknown."""
     heading: float
     """Radians, clockwise from north."""
 

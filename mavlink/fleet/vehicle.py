@@ -48,13 +48,25 @@ from mavlink.reception.reception import Arrival, ChannelLag, Reception, SenderKe
 from mavlink.state import Level, Notice, PositionState, VehicleStatus
 
 _REPEATED_US = 5_000_000
-"""The same text within this is a repetition."""
+"""Time within which the same text is a repetition."""
 _PIECE_BYTES = 50
 """Length of STATUSTEXT's field: a shorter piece is the last of its text."""
 _MAX_CHARS, _MAX_OPEN = 1000, 8
 """Most characters of one text, and most texts that wait for further pieces: any sender can send them."""
 _WARNING = 4
 """MAV_SEVERITY; lower is more serious."""
+Notices = tuple[Notice, ...]
+_CHANGE_US = 200_000
+"""Shortest time between two changes of mode; a flood of forged heartbeats changes more often."""
+_GPS_FRESH_US = 5_000_000
+"""A fix whose own time is farther than this from now carries another clock's time."""
+_OTHER_AUTOPILOT_US = 600_000_000
+"""Interval between reports of a second autopilot: a companion that claims to be one does so for a whole flight."""
+_SHARED_CLOCK_US = 500_000
+"""A component whose messages come no later than this after the autopilot's of the same boot time has its clock."""
+_DELAY_GAIN, _DELAY_ASYMMETRY = 0.05, 9.0
+"""Step of the usual delay towards one that is longer, and by how much smaller one towards a shorter delay is."""
+_JUMPING = "it jumps between places, receiver jammed or failing"
 
 
 class StatusTexts:
@@ -85,21 +97,6 @@ class StatusTexts:
             self._pieces[key] = text
             return ""
         return text
-
-
-Notices = tuple[Notice, ...]
-
-_CHANGE_US = 200_000
-"""No vehicle changes its mode more often; a flood of forged heartbeats does."""
-_GPS_FRESH_US = 5_000_000
-"""A fix whose own time is farther than this from now carries another clock's time."""
-_OTHER_AUTOPILOT_US = 600_000_000
-"""Interval between reports of a second autopilot: a companion that claims to be one does so for a whole flight."""
-_SHARED_CLOCK_US = 500_000
-"""A component whose messages come no later than this after the autopilot's of the same boot time has its clock."""
-_DELAY_GAIN, _DELAY_ASYMMETRY = 0.05, 9.0
-"""Step of the usual delay towards one that is longer, and by how much smaller one towards a shorter delay is."""
-_JUMPING = "it jumps between places, receiver jammed or failing"
 
 
 class PositionReport(NamedTuple):
@@ -147,14 +144,14 @@ class Vehicle:
         self._change_reports, self._autopilot_reports = Throttle(_CHANGE_US), Throttle(_OTHER_AUTOPILOT_US)
 
     def count_packet(self, packet: Packet, message_id: int) -> Arrival | None:
-        """Counts a packet of a known message; None for a duplicate of one that came before."""
+        """Count a packet of a known message; None for a duplicate of one that came before."""
         arrival = self._reception.add_packet(packet, message_id)
         if arrival is not None and packet.component_id == self._components.autopilot:
             self._duplicate_id.add_sender(arrival.sender, packet.t_us)
         return arrival
 
     def reject_packet(self, packet: Packet) -> Notices:
-        """Counts a packet whose signature forbids to use it."""
+        """Count a packet whose signature forbids to use it."""
         level, text = self._reception.reject_packet(packet)
         if not text:
             return ()
@@ -221,7 +218,7 @@ class Vehicle:
         return ()
 
     def doubt(self, t_us: int) -> Doubt | None:
-        """Why its positions may be wrong by its own report; None without doubt, or without positions."""
+        """Return why its positions may be wrong by its own report; None without doubt, or without positions."""
         return self.doubts.at(t_us) if self.positions.known and not self.in_conflict(t_us) else None
 
     def add_gps(self, sample: GpsRaw, arrival: Arrival, frame: LocalFrame | None) -> Iterator[Notice]:
@@ -269,9 +266,9 @@ class Vehicle:
         return notices + self.conflict_notices(packet.t_us)
 
     def learn_clock(self, sample: Attitude | GlobalPosition, arrival: Arrival) -> tuple[ClockReading, Notices]:
-        """Learns from a sample's boot time; what it shows of the clock, and notices."""
+        """Learn from a sample's boot time; what it shows of the clock, and notices."""
         clock, t_us, sender = self.clock, sample.t_us, arrival.sender
-        trails = self._duplicate_id.trails(sender)
+        trails = self._duplicate_id.is_slower_link(sender)
         reading = clock.add_message(sample.boot_ms, t_us, trails=trails)
         if reading.fit is not ClockFit.OUTLIER:
             delay_us = t_us - clock.unix_of(reading.boot_us)
@@ -320,7 +317,7 @@ class Vehicle:
         self.usual_delay_us += gain * (delay_us - self.usual_delay_us)
 
     def _check_other_clock(self, reading: ClockReading, t_us: int, sender: SenderKey) -> ClockReading:
-        """Decides whether an outlier is of a faster link, which the clock then follows, or of another sender."""
+        """Decide whether an outlier is of a faster link, which the clock then follows, or of another sender."""
         if reading.boot_us < FRESH_BOOT_US or self.positions.has(reading.boot_us):
             return reading
         early_us = self.clock.unix_of(reading.boot_us) - t_us
@@ -350,12 +347,12 @@ class Vehicle:
             self.rejections.count("attitude that is none")
 
     def reject_position(self, t_us: int, reason: str) -> Notices:
-        """Counts a position that is not used; a notice when the reason is new or was not reported for a while."""
+        """Count a position that is not used; a notice when the reason is new or was not reported for a while."""
         level = self.rejections.add_position(t_us, reason, had_position=self.positions.known)
         return (self._notice(t_us, level, f"position not used: {reason}"),) if level is not None else ()
 
     def compare_place(self, sample: GlobalPosition, arrival: Arrival) -> str:
-        """Compares a place with those of other senders, whichever component reports it.
+        """Compare a place with those of other senders, whichever component reports it.
 
         Returns:
             Why the report is no place at all, and was not compared; empty when it may be one.
@@ -367,7 +364,7 @@ class Vehicle:
         return error
 
     def add_position(self, report: PositionReport, frame: LocalFrame, home_alt_m: float) -> tuple[Fix | None, Notices]:
-        """Checks a report that is a place, and keeps it when it can be right.
+        """Check a report that is a place, and keep it when it can be right.
 
         Returns:
             The position in ENU (``frame``, home plane at ``home_alt_m``) if it is new evidence, and notices.
@@ -422,7 +419,7 @@ class Vehicle:
         return (self._notice(t_us, "warning", f"not used: {UNSTEADY_ALTITUDE}"),)
 
     def change_frame(self, before: LocalFrame, now: LocalFrame) -> None:
-        """Converts all that is kept of places to another local frame."""
+        """Convert all that is kept of places to another local frame."""
         self.positions.change_frame(before, now, FLEET_SPAN_M)
         self._jumps = JumpDetector()
 
@@ -442,7 +439,7 @@ class Vehicle:
         return tuple(self._notice(t_us, level, text) for level, text in reports if text)
 
     def estimate(self, t_us: int) -> PositionEstimate | None:
-        """Its position at a Unix time, µs; None before its first report."""
+        """Return its position at a Unix time, µs; None before its first report."""
         return self.positions.at(self.clock.boot_of(t_us))
 
     def status(self, t_us: int, estimate: PositionEstimate | None) -> VehicleStatus:

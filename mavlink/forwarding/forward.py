@@ -1,6 +1,6 @@
 """Forwarding: received packets go to other programs unchanged, and their frames go to vehicles where that is allowed.
 
-No frame is encoded anew, signed again or reordered. Only frames from outputs with `?rw` go to vehicles, and of those:
+No frame is encoded again, signed again or reordered. Only frames from outputs with `?rw` go to vehicles, and of those:
 
 - a frame that is addressed to the UAV, or to a vehicle that is named (`?rw=11,12`), and only to the address from which
   that one was received last;
@@ -27,7 +27,7 @@ SETUP_SIGNING = 256
 HARMLESS = ("HEARTBEAT", "TIMESYNC")
 """Broadcasts that carry no order."""
 HEARD_US = 60_000_000
-"""A system is sent to where it was received within this time."""
+"""Time since a system was last received at an address within which what is for it goes there."""
 _MAX_SENDERS = 4096
 """Pairs of system and address that are remembered."""
 _ONLY_LISTENS = "this output only listens; ?rw behind its address lets it send to the UAV"
@@ -69,10 +69,10 @@ class Forwarder:
         except BaseException:
             self.close()
             raise
-        self.know(vehicles, uav)
+        self.set_fleet(vehicles, uav)
 
-    def know(self, vehicles: Collection[int], uav: int) -> None:
-        """The mission's vehicles, and which of them is the UAV; as of the constructor."""
+    def set_fleet(self, vehicles: Collection[int], uav: int) -> None:
+        """Set the mission's vehicles, and which of them is the UAV; as of the constructor."""
         self._not_behind = frozenset(vehicles) | {self._own}
         self._vehicles = frozenset(vehicles) | ({uav} - {0})
         for output in self._outputs:
@@ -94,12 +94,12 @@ class Forwarder:
         return any(output.link.overdue for output in self._outputs)
 
     def maintain(self) -> None:
-        """Connects outputs again; to be called every tenth of a second or so."""
+        """Connect outputs again; to be called every tenth of a second or so."""
         for output in self._outputs:
             output.link.maintain()
 
     def forward(self, packets: Sequence[Packet], send: Callable[[int, bytes, int], object]) -> None:
-        """Forwards packets in order, and what came back from outputs to vehicles.
+        """Forward packets in order, and what came back from outputs to vehicles.
 
         Args:
             packets: as the links brought them, verified; none is fine.
@@ -118,7 +118,7 @@ class Forwarder:
                 continue  # the link reports it itself
 
     def close(self) -> None:
-        """Closes every output."""
+        """Close every output."""
         for output in self._outputs:
             output.link.close()
 
@@ -167,7 +167,7 @@ class Forwarder:
         return ways - shared, "" if ways - shared else "it is for all systems, and others would receive it too"
 
     def _ways_to(self, system: int) -> set[tuple[int, int]]:
-        """On each link the address from which a system was received last."""
+        """Return the address on each link from which a system was received last."""
         fresh = self._fresh()
         ways = sorted((t_us, link, peer) for (i, link, peer), t_us in fresh.items() if i == system)
         return set({link: peer for _, link, peer in ways}.items())

@@ -17,19 +17,21 @@ _COMMANDS = (75, 76)  # COMMAND_INT, COMMAND_LONG
 _COMMAND_AT = 28
 """Byte of both at which the number of the command begins."""
 ECHO_S = 2.0
-"""For how long a frame that comes back is known to be our own; shorter than a sequence number takes to come around."""
+"""Time for which a frame that comes back is known to be our own, s; shorter than a sequence number takes to come
+around."""
 REPEAT_S = 0.25
-"""For how long a frame from a link is known to have gone out; short, as heartbeats are equal at some message rates."""
+"""Time for which a frame from a link is known to have gone out, s; short, as heartbeats are equal at some message
+rates."""
 _ECHOES = 50_000
 """Frames remembered at most, for each of the two."""
-MOST_INBOUND = 24
+MAX_INBOUND = 24
 """Different inbound frames that are counted apart, each a line of the health; the rest is summed up."""
 OUTPUT_OPTIONS = "?ro (only listens), ?rw (may send to the UAV) or ?rw=11,12 (to these vehicles too)"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class InboundFrames:
-    """Like frames from a program behind an output, and how many of them came."""
+    """Kind of frames from a program behind an output, and how many of them came."""
 
     sender: str
     """Address of the program; empty for all those that are not counted apart."""
@@ -38,7 +40,7 @@ class InboundFrames:
     target: int
     """System id that they were for, 0 for all."""
     refusal: str
-    """Why they went no further; empty: they were sent on."""
+    """Reason why they went no further; empty: they were sent on."""
     count: int = 0
 
 
@@ -51,13 +53,13 @@ class OutputCounts:
     dropped: int = 0
     """Packets that were not accepted: no receiver, or one that is too slow."""
     withheld: int = 0
-    """Refused for their signature, a key, or a copy."""
+    """Frames that were not sent: their signature is wrong, they set a key, or they went out already."""
     returned: int = 0
-    """Came back and went on to a vehicle."""
+    """Frames from programs that went on to a vehicle."""
     stopped: int = 0
-    """Came back and went nowhere."""
+    """Frames from programs that went nowhere."""
     inbound: tuple[InboundFrames, ...] = ()
-    """Frames that came back, but for loops."""
+    """Frames from programs by kind, without loops."""
 
 
 class Output:
@@ -82,7 +84,7 @@ class Output:
         self._recently_tried = _RecentFrames(clock, REPEAT_S)
 
     def allow(self, uav: int) -> None:
-        """Programs behind it may send to this UAV, 0: to none, where the URL lets them send at all."""
+        """Let the programs behind it send to this UAV (0: to none), where the URL lets them send at all."""
         if self._named is not None:
             self.allowed = (self._named | {uav}) - {0}
 
@@ -100,7 +102,7 @@ class Output:
         )
 
     def forward(self, raw: bytes) -> None:
-        """Sends a frame unless it came from here: a vehicle repeats on its links what a station sends it."""
+        """Send a frame unless it came from here: a vehicle repeats on its links what a station sends it."""
         if self._recently_returned.has(raw) or self._recently_tried.has(raw):
             self.count_withheld()
             return
@@ -119,11 +121,11 @@ class Output:
             yield raw, self.link.address(peer) or self.link.name
 
     def count_withheld(self) -> None:
-        """Counts a frame that is not to go out."""
+        """Count a frame that is not to go out."""
         self._withheld += 1
 
     def count_stopped(self) -> None:
-        """Counts a frame that came back and is not to go on."""
+        """Count a frame that came back and is not to go on."""
         self._stopped += 1
 
     def is_echo(self, raw: bytes) -> bool:
@@ -131,12 +133,12 @@ class Output:
         return self._recently_sent.has(raw)
 
     def note_inbound(self, raw: bytes, sender: str, target: int, refusal: str) -> None:
-        """Counts a frame that came back; ``refusal`` is why it went no further, empty: it went on."""
+        """Count a frame that came back; ``refusal`` is why it went no further, empty: it went on."""
         if self.allowed is None:
             key = InboundFrames(sender=sender, message="", target=0, refusal=refusal)
         else:
             key = InboundFrames(sender=sender, message=_message_words(raw), target=target, refusal=refusal)
-        if key not in self._inbound and len(self._inbound) >= MOST_INBOUND:
+        if key not in self._inbound and len(self._inbound) >= MAX_INBOUND:
             key = InboundFrames(sender="", message="", target=0, refusal=refusal and "not counted apart")
         self._inbound[key] = self._inbound.get(key, 0) + 1
         if refusal:

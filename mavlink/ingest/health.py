@@ -31,7 +31,7 @@ class IngestHealth:
     """Packets recorded that the station was too slow to take."""
     restarts: int = 0
     gap_s: float = 0.0
-    """For how long nothing was received, over all restarts."""
+    """Time for which nothing was received, s, over all restarts."""
     cpu_s: float = math.nan
     """Processor time of the present process."""
     troubles: tuple[str, ...] = ()
@@ -54,7 +54,7 @@ class IngestHealth:
             raise ValueError(f"no health of an ingest: {error}") from error
 
     def plus(self, before: tuple[LinkCounts, ...]) -> IngestHealth:
-        """With what processes before this one had counted."""
+        """Add what processes before this one had counted."""
         pairs = zip(self.links, before, strict=False)
         links = tuple(replace(link, counts=_sum(link.counts, old)) for link, old in pairs)
         return replace(self, links=links + self.links[len(links) :])

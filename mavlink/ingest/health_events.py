@@ -17,12 +17,12 @@ from mavlink.state import Level
 _Event = tuple[Level, str]
 """Level and text."""
 PATIENCE = 10
-"""A connection that is being made is not missed for so many looks, twice a second."""
-MOST = 5
+"""Health reports, two a second, for which a connection that is being made is not reported as lost."""
+MAX_FLOODS = 5
 """Floods that are reported one by one at a time."""
 QUIET = 20
-"""Looks for which a connection that comes and goes is not reported as lost again, and after which frames from a program
-are reported anew, and an output without losses is well."""
+"""Health reports for which a connection that comes and goes is not reported as lost again, and after which frames from
+a program are reported again, and an output without losses is well."""
 
 
 class HealthEvents:
@@ -38,7 +38,7 @@ class HealthEvents:
         self._dropped: dict[str, int] = {}
         """Packets that each output dropped."""
         self._dropped_at: dict[str, int] = {}
-        """The look at which they became more, of outputs that nobody takes."""
+        """Number of the health report at which they became more, of outputs that nobody takes."""
         self._inbound: defaultdict[tuple[str, InboundFrames], ReportGrowth] = defaultdict(
             lambda: ReportGrowth(rest=QUIET)
         )
@@ -100,7 +100,7 @@ class HealthEvents:
         return [(level, f"{output}: {sender} sent {frames.message} to {target} through this station{times}")]
 
     def _forwarding(self, output: OutputCounts) -> list[_Event]:
-        """That nobody takes what an output sends, once, and when it is taken again."""
+        """Report once that nobody takes what an output sends, and when it is taken again."""
         name, before = output.name, self._dropped.get(output.name, 0)
         self._dropped[name] = output.dropped
         if output.dropped > before:
@@ -119,8 +119,8 @@ class HealthEvents:
 
 def _few(level: Level, texts: list[str]) -> list[_Event]:
     """The first of them, and how many more there are."""
-    more = len(texts) - MOST
-    return [(level, text) for text in texts[:MOST]] + [(level, f"{more} more such senders")] * (more > 0)
+    more = len(texts) - MAX_FLOODS
+    return [(level, text) for text in texts[:MAX_FLOODS]] + [(level, f"{more} more such senders")] * (more > 0)
 
 
 def _key(limit: FloodLimit) -> tuple[str, int, bool]:

@@ -29,22 +29,22 @@ from mavlink.ingest.plan import Outputs, Plan, Signing, check_links
 from mavlink.links.kinds import kind_of, parse_url
 from mavlink.links.recvmmsg import BATCH
 from mavlink.links.report import LinkCounts
-from mavlink.links.udp import LEAST_BUFFER_BYTES
+from mavlink.links.udp import MIN_BUFFER_BYTES
 from mavlink.protocol.packet import Packet
 from mavlink.state import Level, Notice
 
 START_S = 20.0
 """A start that takes longer has failed."""
 STOP_S = 15.0
-"""A process that is to end and shows no life for so long is killed: it may have much to write."""
+"""A process that is to end and shows no life for this long is killed: it may have much to write."""
 WATCH_S = 0.05
 HEALTH_S = 0.5
 """Seconds between looks at the health for what an operator should know."""
 HUNG_S = 0.7
-"""A process that shows no life for so long is replaced: with the start of the next that is a second."""
+"""A process that shows no life for this long is replaced: with the start of the next that is a second."""
 _SEND_S = 0.2
-"""For the process to take a request."""
-_MOST_NOTICES = 200
+"""Time for the process to take a request, s."""
+_MAX_NOTICES = 200
 _ERRORS: dict[str, type[MavlinkError]] = {error.__name__: error for error in (LinkError, TlogError, SigningError)}
 _AGAIN_S = 0.3
 """A process that lived for less is followed by the next only after this."""
@@ -83,7 +83,7 @@ class Ingest:
         self.names = tuple(link.name for link in links)
         check_links(links, outputs.urls if outputs else ())
         self._sockets: list[socket.socket | None] = []
-        self._notices: deque[Notice] = deque(maxlen=_MOST_NOTICES)
+        self._notices: deque[Notice] = deque(maxlen=_MAX_NOTICES)
         self._before: tuple[LinkCounts, ...] = ()
         self._gap_s = 0.0
         self._generation = 0
@@ -129,7 +129,7 @@ class Ingest:
 
     @property
     def supervisor(self) -> Supervisor[ChildProcess[IngestReport]]:
-        """Keeps the process running."""
+        """Keep the process running."""
         assert self._supervisor is not None
         return self._supervisor
 
@@ -139,7 +139,7 @@ class Ingest:
         return self.supervisor.process.pid
 
     def read(self, timeout_s: float) -> list[Packet]:
-        """All packets that have come since the last call, in order, each with what its signature is worth.
+        """Take all packets that have come since the last call, in order, each with what its signature is worth.
 
         Those with ``auth > Auth.GOOD`` are rejected.
 
@@ -163,7 +163,7 @@ class Ingest:
         return self._heard_us
 
     def send(self, link: int, data: bytes, peer: int = 0) -> None:
-        """Sends a frame to those on the other end of a link who are known; :meth:`health` reports what did not work.
+        """Send a frame to those on the other end of a link who are known; :meth:`health` reports what did not work.
 
         Args:
             link: its place among the URLs.
@@ -185,8 +185,8 @@ class Ingest:
         """
         self._request(AcceptHeld(system_id))
 
-    def know(self, system_ids: Collection[int], uav: int) -> None:
-        """Only frames of these systems make a sender known from now on, and outputs may send to this UAV.
+    def set_fleet(self, system_ids: Collection[int], uav: int) -> None:
+        """Limit the senders that become known from now on to those of these systems, and let outputs send to this UAV.
 
         Raises:
             LinkError: the process does not take it; the one after it will.
@@ -196,12 +196,7 @@ class Ingest:
         self._request(KnownFleet(self._plan.system_ids, uav))
 
     def address(self, link: int, peer: int) -> str:
-        """Host and port of a sender, as packets of a link number them; empty where they are not known.
-
-        Args:
-            link: its place among the URLs.
-            peer: the sender's number on that link.
-        """
+        """Host and port of a sender, as packets of a link number them; empty where they are not known."""
         links = (self._published_health() or self._health).links
         if not 0 <= link < len(links):
             return ""
@@ -209,7 +204,7 @@ class Ingest:
         return (dict(links[link].others) | known).get(peer, "")
 
     def health(self) -> IngestHealth:
-        """Its health, as reported some times a second."""
+        """Health of the process, as reported some times a second."""
         reported = self._published_health()
         if reported is not None:
             self._health = reported
@@ -234,7 +229,7 @@ class Ingest:
         return reported
 
     def stop(self) -> None:
-        """Has everything written, ends the process and closes the links; stopping twice does nothing."""
+        """Have everything written, end the process and close the links; stopping twice does nothing."""
         if self._stopping.is_set():
             return
         self._stopping.set()
@@ -278,7 +273,7 @@ class Ingest:
             raise
 
     def _begin(self, process: ChildProcess[IngestReport]) -> None:
-        """It is this process's turn."""
+        """Give the process its turn."""
         if self._generation:
             self._interrupted = self._describe_in_hand()
             self._carry_counts_over()
@@ -287,7 +282,7 @@ class Ingest:
             process.channel.send(msgspec.structs.replace(self._plan, generation=self._generation))
 
     def _require_opened(self, process: ChildProcess[IngestReport]) -> None:
-        """Waits until the first process has opened everything, and raises its error otherwise."""
+        """Wait until the first process has opened everything, and raise its error if it failed."""
         try:
             report = process.channel.receive(START_S)
         except EOFError as error:
@@ -299,7 +294,7 @@ class Ingest:
             raise LinkError("the ingest process did not start in time; is the machine overloaded?")
 
     def _watch(self, process: ChildProcess[IngestReport], timeout_s: float) -> float | None:
-        """Waits for the process's end, and looks for signs of life."""
+        """Wait for the process's end, and look for signs of life."""
         process.channel.receive(timeout_s)
         now_s = time.monotonic()
         if now_s >= self._health_s:
@@ -320,7 +315,7 @@ class Ingest:
         return f" while it took packets off {self.names[index - 1]}, of which at most {BATCH} are lost,"
 
     def _carry_counts_over(self) -> None:
-        """Keeps what the process before had counted."""
+        """Keep what the process before had counted."""
         last = self._published_health() or self._health
         self._before = tuple(link.counts for link in last.plus(self._before).links) or self._before
         links = tuple(replace(link, counts=LinkCounts()) for link in last.links)
@@ -328,7 +323,7 @@ class Ingest:
         self._memory.status.put(self._health.encode())
 
     def _note_gap(self, failure: str, alive_s: float) -> None:
-        """Waits until the next process has opened everything, and notes for how long no process received."""
+        """Wait until the next process has opened everything, and note for how long no process received."""
         trouble = ""
         try:
             self._require_opened(self.supervisor.process)
@@ -364,10 +359,10 @@ class Ingest:
 
     def _warn_of_small_buffers(self) -> None:
         for link in self.health().links:
-            if 0 < link.buffer_bytes < LEAST_BUFFER_BYTES:
+            if 0 < link.buffer_bytes < MIN_BUFFER_BYTES:
                 size = f"{link.buffer_bytes >> 10} kB"
                 text = f"{link.name}: the system grants only {size} of receive buffer, too little when it is busy"
-                self._notice("warning", f"{text}; raise net.core.rmem_max to {LEAST_BUFFER_BYTES}")
+                self._notice("warning", f"{text}; raise net.core.rmem_max to {MIN_BUFFER_BYTES}")
 
     def _notice(self, level: Level, text: str) -> None:
         self._notices.append(Notice(t_us=now_us(), level=level, kind="link", text=text))

@@ -21,9 +21,9 @@ _RECEIVED_UNTIL_AT, _STATUS_AT, _RING_AT = 2048, 4096, 262_144
 _RECEIVED_UNTIL = struct.Struct("=QQ")
 """Unix µs, and the ring's position up to which everything that came before then is in it."""
 _BATCH = struct.Struct("=QB")
-"""Before the packets of a batch: number of the first of their records in the log, and the link."""
+"""Header of a batch of packets: number of the first of their records in the log, and the link."""
 _PACKET = struct.Struct("=QIHB")
-"""Before each frame: arrival in Unix µs, number of the peer, length, auth."""
+"""Header of each frame: arrival in Unix µs, number of the peer, length, auth."""
 _AUTHS = tuple(Auth)
 _UNRECORDED = (1 << 64) - 1
 
@@ -40,7 +40,7 @@ class Slot(IntEnum):
     SENT = 3
     """Records of what this station sent."""
     IN_HAND = 4
-    """One more than the index of the link whose packets are being taken off its socket and are not yet accepted."""
+    """Index, plus one, of the link whose packets are being taken off its socket and are not yet accepted."""
 
 
 def make_ingest_memory(ring_bytes: int = RING_BYTES) -> int:
@@ -78,7 +78,7 @@ class IngestMemory:
         peers: Sequence[int],
         auths: Sequence[int] | None,
     ) -> bool:
-        """Puts packets into the ring, all of them or, where there is no room, none; those are counted.
+        """Put packets into the ring, all of them or, where there is no room, none; those are counted.
 
         Args:
             record: number of the first of them in the log, those of the others follow; None: they are not in it.
@@ -107,7 +107,7 @@ class IngestMemory:
     # ---- the station
 
     def take_packets(self) -> list[Packet]:
-        """All packets that are in the ring, in order; they are then out of it."""
+        """Take all packets that are in the ring out of it, in order."""
         packets: list[Packet] = []
         unpack, head_bytes = _PACKET.unpack_from, _PACKET.size
         for batch in self._ring.read_records():

@@ -11,7 +11,7 @@ from mavlink.ingest.plan import Plan
 
 
 class SendFrame(msgspec.Struct, frozen=True, tag=True):
-    """Send a frame over a link, to one peer or, 0, to all who are known there."""
+    """Request to send a frame over a link, to one peer or, 0, to all who are known there."""
 
     link: int
     frame: bytes
@@ -19,7 +19,7 @@ class SendFrame(msgspec.Struct, frozen=True, tag=True):
 
 
 class AcceptHeld(msgspec.Struct, frozen=True, tag=True):
-    """An operator vouches for a system whose packets are held."""
+    """Request to accept a system whose packets are held: an operator vouches for it."""
 
     system_id: int
 
@@ -29,15 +29,15 @@ class KnownFleet(msgspec.Struct, frozen=True, tag=True):
 
     system_ids: tuple[int, ...]
     uav: int
-    """To which programs behind outputs may send."""
+    """System id of the UAV, to which programs behind outputs may send."""
 
 
 class Opened(msgspec.Struct, frozen=True, tag=True):
-    """Everything is open."""
+    """Report that everything is open."""
 
 
 class CannotOpen(msgspec.Struct, frozen=True, tag=True):
-    """Something cannot be opened: the class of the error and its text."""
+    """Report that something cannot be opened: the class of the error and its text."""
 
     error: str
     text: str

@@ -61,7 +61,7 @@ class Plan(msgspec.Struct, frozen=True, kw_only=True, tag=True):
 
 
 def check_links(links: Sequence[LinkUrl], outputs: Sequence[str]) -> None:
-    """Refuses what would record everything twice: a link that is named twice, an output into a port of our own.
+    """Refuse what would record everything twice: a link that is named twice, an output into a port of our own.
 
     Raises:
         LinkError: there is one.

@@ -32,9 +32,12 @@ from mavlink.tlog.writer import TlogWriter
 
 KEPT_PER_S, BURST_S = 500.0, 4.0
 """Refused packets recorded of one sender: all of a vehicle that has no key, and enough to see what a forger does."""
-_MOST = 1024
+_MAX_SENDERS = 1024
 """Senders that are watched at a time; those who come later are one."""
 _OTHERS: Claim = (0, 0)
+_TIME = struct.Struct(">Q")
+_SETUP_SIGNING = b"\x00\x01\x00"
+"""Message id of SETUP_SIGNING as in a header."""
 
 
 @dataclass(slots=True)
@@ -50,11 +53,7 @@ class _RefusedSender:
 
 
 class RefusedPacketLimiter:
-    """Drops refused packets beyond a rate for each sender.
-
-    Args:
-        clock_s: monotonic.
-    """
+    """Drops refused packets beyond a rate for each sender."""
 
     def __init__(self, clock_s: Callable[[], float] = time.monotonic) -> None:
         self._clock_s = clock_s
@@ -100,11 +99,11 @@ class RefusedPacketLimiter:
         return False
 
     def _new(self, index: int, claim: Claim, now_s: float) -> _RefusedSender:
-        if len(self._senders) >= _MOST:
+        if len(self._senders) >= _MAX_SENDERS:
             rested = [who for who, sender in self._senders.items() if now_s - sender.bucket.last_s > BURST_S]
             for who in rested:
                 del self._senders[who]
-        if len(self._senders) >= _MOST:
+        if len(self._senders) >= _MAX_SENDERS:
             claim = _OTHERS
         return self._senders.setdefault(
             (index, claim), _RefusedSender(TokenBucket(KEPT_PER_S, KEPT_PER_S * BURST_S, now_s))
@@ -118,16 +117,8 @@ class RefusedPacketLimiter:
         return FloodLimit(address=where, system_id=claim[1], wanted_per_s=rate, turned_away=sender.shed, refused=True)
 
 
-_TIME = struct.Struct(">Q")
-_SETUP_SIGNING = b"\x00\x01\x00"
-"""Its message id as in a header."""
-
-
 class Signatures:
     """Verifies packets, where there are keys.
-
-    Args:
-        signing: where they are.
 
     Raises:
         SigningError: they cannot be used.
@@ -174,7 +165,7 @@ class Signatures:
             self._verifier.accept_held(system_id, now_us())
 
     def close(self) -> None:
-        """Saves what is remembered of the streams."""
+        """Save what is remembered of the streams."""
         if self._store:
             self._store.close()
 
@@ -202,7 +193,7 @@ class LastSenders:
     def __init__(self) -> None:
         self._senders: list[tuple[int, int] | None] = [None] * 256
         self._claims: dict[int, set[Claim]] = {}
-        """The same by link: who is received over it."""
+        """Claims of senders by link."""
 
     def changes(self, link: int, batch: Batch) -> Iterator[tuple[int, int]]:
         """Places in a batch, and system ids, of frames whose system id last came from another sender, or never."""
@@ -272,7 +263,7 @@ class Receiver:
             self.output_trouble = f"forwarding: {error!r}"
 
     def send(self, link: int, data: bytes, peer: int = 0) -> None:
-        """Sends and records a frame of this station's own or of a program behind an output.
+        """Send and records a frame of this station's own or of a program behind an output.
 
         Args:
             link: over which.
@@ -288,20 +279,20 @@ class Receiver:
             self._memory.slots[Slot.SENT] += 1
 
     def _record(self, batch: Batch) -> int | None:
-        """On the way to the log; returns the first record's number, None when they are lost."""
+        """Put packets on the way to the log; return the first record's number, None when they are lost."""
         pack, pairs = _TIME.pack, zip(batch.times_us, batch.frames, strict=True)
         data = b"".join([piece for t_us, raw in pairs for piece in (pack(t_us), raw)])
         return self._log.write_records(data, len(batch))
 
     def _note_senders(self, index: int, batch: Batch, number: int) -> None:
-        """Records who sent what beside the log, so that a replay distinguishes senders as the flight does."""
+        """Record who sent what beside the log, so that a replay distinguishes senders as the flight does."""
         link = self._links[index]
         for k, system_id in self._senders.changes(index, batch):
             peer = batch.peers[k]
             self._log.write_sender(number + k, batch.times_us[k], system_id, index, peer, link.address(peer), link.name)
 
     def _note_verdicts(self, index: int, packets: Sequence[Packet], number: int | None) -> None:
-        """Notes what is rejected, and which senders have been verified."""
+        """Note what is rejected, and which senders have been verified."""
         known = set()
         for k, packet in enumerate(packets):
             if packet.auth > Auth.GOOD:
@@ -314,7 +305,7 @@ class Receiver:
             self._links[index].trust(known, now_us())
 
     def _hide_secrets(self, index: int, batch: Batch) -> dict[int, Packet]:
-        """Takes keys out of a batch, before it is recorded; returns those packets as they came, by place."""
+        """Take keys out of a batch, before it is recorded; return those packets as they came, by place."""
         original: dict[int, Packet] = {}
         if _SETUP_SIGNING not in [raw[7:10] for raw in batch.frames]:
             return original  # nearly always

@@ -34,17 +34,17 @@ _log = logging.getLogger(__name__)
 TICK_S = 0.05
 """Longest wait for packets, so that the station sees signs of life."""
 PAUSE_S = 0.004
-"""Datagrams of so long are read together; when each came the kernel has noted."""
+"""Datagrams of this long are read together; when each came the kernel has noted."""
 HEALTH_S, HEALTH_SOON_S = 0.2, 0.05
 """Intervals at which health is reported to the station, and soon after a new sender: alarms name its address."""
 _FEW = 128
-"""After a batch of fewer packets the other links have their turn."""
+"""Size of a batch below which the other links have their turn."""
 _ROUNDS = 8
 """Batches of one link before the others have their turn."""
 
 
 def main() -> int:
-    """Waits for its turn, then runs until the station closes the channel.
+    """Wait for its turn, then run until the station closes the channel.
 
     Returns:
         The exit code, 3 when something cannot be opened.
@@ -92,7 +92,7 @@ class _IngestWorker:
         self._publish_health()
 
     def run(self) -> None:
-        """Everything, until the station closes the channel."""
+        """Take in and send packets until the station closes the channel."""
         while self._open:
             self._memory.slots[Slot.BEAT] += 1
             ready, heard_us, all_taken = self._wait(), now_us(), True
@@ -124,7 +124,7 @@ class _IngestWorker:
         return ready
 
     def _drain(self, index: int, link: Link) -> bool:
-        """Takes what a link has; False where that is too much for one turn."""
+        """Take what a link has; False where that is too much for one turn."""
         for _ in range(_ROUNDS):
             self._memory.slots[Slot.IN_HAND] = index + 1
             batch = link.read_batch()
@@ -139,7 +139,7 @@ class _IngestWorker:
         return False
 
     def _handle_requests(self) -> None:
-        """Does what the station wants done."""
+        """Do what the station wants done."""
         try:
             while (request := self._station.receive(0.0)) is not None:
                 if isinstance(request, SendFrame):
@@ -148,9 +148,9 @@ class _IngestWorker:
                     self._signatures.accept_held(request.system_id)
                 elif isinstance(request, KnownFleet):
                     for link in self._links:
-                        link.know(request.system_ids)
+                        link.set_fleet(request.system_ids)
                     if self._outputs:
-                        self._outputs.know(request.system_ids, request.uav)
+                        self._outputs.set_fleet(request.system_ids, request.uav)
         except EOFError:
             self._open = False
 

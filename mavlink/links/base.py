@@ -36,9 +36,6 @@ class Link(ABC):
 
     A new kind is a subclass in a file of its own, and its line in :data:`mavlink.links.kinds.KINDS`.
 
-    Args:
-        url: from :meth:`parse`.
-
     Raises:
         LinkError: it cannot be opened; one line with what to do.
     """
@@ -60,7 +57,7 @@ class Link(ABC):
     @classmethod
     @abstractmethod
     def parse(cls, rest: str) -> LinkUrl:
-        """Parses what follows ``scheme:`` in a URL of this kind.
+        """Parse what follows ``scheme:`` in a URL of this kind.
 
         Raises:
             LinkError: it is none; the message need not name the URL.
@@ -68,7 +65,7 @@ class Link(ABC):
 
     @classmethod
     def prepare(cls, url: LinkUrl) -> tuple[LinkUrl, socket.socket | None]:
-        """Does what is to be done once, before a process that receives is started or replaced.
+        """Do what is to be done once, before a process that receives is started or replaced.
 
         Returns:
             The URL for that process, and a socket that outlives it; None where it opens the link itself.
@@ -98,7 +95,7 @@ class Link(ABC):
 
     @abstractmethod
     def send(self, frame: bytes, peer: int = 0) -> bool:
-        """Sends one frame to those on the other end who are known, or to the one of them with this number.
+        """Send one frame to those on the other end who are known, or to the one of them with this number.
 
         Returns:
             Whether it was taken at the other end, as far as is known.
@@ -108,13 +105,13 @@ class Link(ABC):
         """
 
     def maintain(self) -> None:  # noqa: B027 - most links need none
-        """Connects again, adapts filters; to be called every tenth of a second or so."""
+        """Connect again, adapt filters; to be called every tenth of a second or so."""
 
-    def know(self, system_ids: Collection[int]) -> None:  # noqa: B027 - as trust
-        """Only frames of these systems make a sender known from now on."""
+    def set_fleet(self, system_ids: Collection[int]) -> None:  # noqa: B027 - as trust
+        """Limit the senders that become known from now on to those of these systems."""
 
     def trust(self, claims: set[Claim], t_us: int) -> None:  # noqa: B027 - a link to one other end trusts it anyway
-        """Marks senders as known: their signatures are valid."""
+        """Mark senders as known: their signatures are valid."""
 
     def address(self, peer: int) -> str:
         """Host and port of the sender with this number; empty where there is none or it is not known."""
@@ -149,8 +146,8 @@ class Link(ABC):
         )
 
     def resume(self, before: LinkReport) -> None:  # noqa: B027 - most links remember nothing
-        """Goes on where another process ended: senders keep their numbers, and those who were known stay known."""
+        """Go on where another process ended: senders keep their numbers, and those who were known stay known."""
 
     @abstractmethod
     def close(self) -> None:
-        """Closes the link; closing twice does nothing."""
+        """Close the link; closing twice does nothing."""

@@ -23,8 +23,8 @@ FilterSource = tuple[int, int, int]
 _SO_ATTACH_FILTER, _SO_DETACH_FILTER = 26, 27
 _INSTRUCTION = struct.Struct("=HBBI")
 _PROGRAM = struct.Struct("@HP")
-_MOST_INSTRUCTIONS = 4096  # instructions that the kernel takes
-_MOST_JUMP = 200  # a condition jumps over 255 instructions at most
+_MAX_INSTRUCTIONS = 4096  # instructions that the kernel takes
+_MAX_JUMP = 200  # a condition jumps over 255 instructions at most
 _HASH_IP, _HASH_KIND = 0x9E3779B1, 0x85EBCA6B
 _KIND = 0  # place in the filter's memory
 _LOAD_NUMBER, _LOAD_MEMORY, _STORE = 0x00, 0x60, 0x02
@@ -40,42 +40,6 @@ _SYSTEM_V1, _SYSTEM_V2 = 8 + 3, 8 + 5
 _FIXED_V1, _FIXED_V2, _SIGNATURE = 8 + 8, 8 + 12, 13
 
 _Code = list[tuple[int, int, int, int]]
-
-
-def program(known: Iterable[FilterSource], own: Mapping[FilterSource, float], likely: float, other: float) -> bytes:
-    """The filter's instructions.
-
-    Args:
-        own: senders of whose datagrams a share passes, 0..1.
-        likely: share of unknown datagrams that pass if they look like one MAVLink frame, 0..1.
-        other: share of other unknown datagrams that pass, 0..1.
-
-    Raises:
-        ValueError: more instructions than the kernel takes.
-    """
-    shares = {_hash(*source): share for source, share in own.items()}
-    code = [*_KEY]
-    for key, share in sorted(shares.items()):
-        share_code = _pass_share(share)
-        code += [(_IF_EQUAL, 0, len(share_code), key), *share_code]
-    code += _pass_known(sorted({_hash(*source) for source in known} - shares.keys()))
-    code += [
-        (_LOAD_MEMORY, 0, 0, _KIND),
-        (_IF_EQUAL, 0, len(_pass_share(other)), MIXED),
-        *_pass_share(other),
-        *_pass_share(likely),
-    ]
-    if len(code) > _MOST_INSTRUCTIONS:
-        raise ValueError(f"{len(code)} instructions are more than the {_MOST_INSTRUCTIONS} that the kernel takes")
-    return b"".join(_INSTRUCTION.pack(*step) for step in code)
-
-
-def _hash(ip: int, port: int, kind: int) -> int:
-    """A 32-bit hash (ip · odd + port + kind · another odd). Collisions do no harm: who can send from a chosen address
-    can forge the known one as well."""
-    return (ip * _HASH_IP + port + kind * _HASH_KIND) & 0xFFFFFFFF
-
-
 _KEY: _Code = [
     # the kind is that of a datagram that is not exactly one frame …
     (_LOAD_NUMBER, 0, 0, MIXED),
@@ -120,11 +84,45 @@ _KEY: _Code = [
 ]
 
 
+def program(known: Iterable[FilterSource], own: Mapping[FilterSource, float], likely: float, other: float) -> bytes:
+    """The filter's instructions.
+
+    Args:
+        own: senders of whose datagrams a share passes, 0..1.
+        likely: share of unknown datagrams that pass if they look like one MAVLink frame, 0..1.
+        other: share of other unknown datagrams that pass, 0..1.
+
+    Raises:
+        ValueError: more instructions than the kernel takes.
+    """
+    shares = {_hash(*source): share for source, share in own.items()}
+    code = [*_KEY]
+    for key, share in sorted(shares.items()):
+        share_code = _pass_share(share)
+        code += [(_IF_EQUAL, 0, len(share_code), key), *share_code]
+    code += _pass_known(sorted({_hash(*source) for source in known} - shares.keys()))
+    code += [
+        (_LOAD_MEMORY, 0, 0, _KIND),
+        (_IF_EQUAL, 0, len(_pass_share(other)), MIXED),
+        *_pass_share(other),
+        *_pass_share(likely),
+    ]
+    if len(code) > _MAX_INSTRUCTIONS:
+        raise ValueError(f"{len(code)} instructions are more than the {_MAX_INSTRUCTIONS} that the kernel takes")
+    return b"".join(_INSTRUCTION.pack(*step) for step in code)
+
+
+def _hash(ip: int, port: int, kind: int) -> int:
+    """A 32-bit hash (ip · odd + port + kind · another odd). Collisions do no harm: who can send from a chosen address
+    can forge the known one as well."""
+    return (ip * _HASH_IP + port + kind * _HASH_KIND) & 0xFFFFFFFF
+
+
 def _pass_known(keys: list[int]) -> _Code:
     """Code that lets datagrams with one of these hashes pass."""
     code: _Code = []
-    for start in range(0, len(keys), _MOST_JUMP):
-        block = keys[start : start + _MOST_JUMP]
+    for start in range(0, len(keys), _MAX_JUMP):
+        block = keys[start : start + _MAX_JUMP]
         code += [(_IF_EQUAL, len(block) - k, 0, key) for k, key in enumerate(block)]
         code += [(_JUMP, 0, 0, 1), (_RETURN, 0, 0, _PASS)]
     return code
@@ -139,7 +137,7 @@ def _pass_share(share: float) -> _Code:
 
 
 def attach(sock: socket.socket, code: bytes) -> None:
-    """Puts a filter on a socket, in place of the one before.
+    """Put a filter on a socket, in place of the one before.
 
     Raises:
         OSError: the system has no such filters, or does not take this one.
@@ -150,7 +148,7 @@ def attach(sock: socket.socket, code: bytes) -> None:
 
 
 def detach(sock: socket.socket) -> None:
-    """Takes the filter off; without one this does nothing."""
+    """Take the filter off; without one this does nothing."""
     try:
         sock.setsockopt(socket.SOL_SOCKET, _SO_DETACH_FILTER, 0)
     except OSError:

@@ -16,7 +16,8 @@ from mavlink.protocol.framing import FrameCounts, Framer
 from mavlink.protocol.packet import Packet
 
 PATIENCE_S = 0.3
-"""For so long the bytes of a frame may be on their way: radios and TCP hand them on in pieces, with pauses between."""
+"""Time for which the bytes of a frame may be on their way: radios and TCP hand them on in pieces, with pauses
+between."""
 ORDERS_BYTES, FORWARDED_BYTES = 1 << 12, 1 << 18
 """Most that may wait for a slow other end: few of our own frames, as orders must not come late; of forwarded packets a
 second's worth of a hundred vehicles."""
@@ -50,7 +51,7 @@ class FrameStream:
         self._counters = counters
         self._clock_s = clock_s
         self._since_s = math.inf
-        """Since when the frame is unfinished that is waited for."""
+        """Time since which the frame that is waited for is unfinished."""
         self._searched = 0
         """Number of waiting bytes that hide nothing."""
 
@@ -61,7 +62,7 @@ class FrameStream:
         return waiting > self._searched and self._clock_s() - self._since_s >= self.patience_s
 
     def add(self, data: bytes | None, t_us: int, batch: Batch) -> int:
-        """Adds to a batch the frames that these bytes complete, and those hidden behind an unfinished one for too long.
+        """Add to a batch the frames that these bytes complete, and those hidden behind an unfinished one for too long.
 
         Args:
             data: what came; None: nothing; empty: the end of the stream.
@@ -119,7 +120,7 @@ class Connection:
 
     Args:
         receive: gives the bytes that are there, None when there are none now, empty at the end of the stream.
-        queue_bytes: so much may wait for the other end to take it.
+        queue_bytes: this much may wait for the other end to take it.
     """
 
     def __init__(
@@ -148,7 +149,7 @@ class Connection:
         return self.is_broken or self.frames.overdue
 
     def read_into(self, batch: Batch) -> tuple[bool, int]:
-        """Adds the frames that have come to a batch, at the end of the stream with those that were hidden.
+        """Add the frames that have come to a batch, at the end of the stream with those that were hidden.
 
         Returns:
             Whether the stream goes on, and how many of the frames have a right checksum.
@@ -181,5 +182,5 @@ class Connection:
             self.is_broken = True
 
     def close(self) -> None:
-        """Closes it; what waits to be sent is lost."""
+        """Close the connection; what waits to be sent is lost."""
         self.file.close()

@@ -17,7 +17,7 @@ class Counters:
         self._last_good_s: float | None = None
 
     def add(self, size: int, frames: FrameCounts) -> None:
-        """Counts received bytes and what was in them."""
+        """Count received bytes and what was in them."""
         self._bytes += size
         self._good += frames.good
         self._bad += frames.bad

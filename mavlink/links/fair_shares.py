@@ -25,8 +25,8 @@ SENDER_PER_S = 2000.0
 ALL_PER_S = 25_000.0
 """Good frames allowed of all known senders: a hundred vehicles send 20,000 a second."""
 READ_PER_S = 60_000.0
-"""Datagrams of all known senders, with the junk that claims to be theirs, that a quick machine reads. A sender at no
-more than a vehicle's rate is always read."""
+"""Datagrams of all known senders, with the junk that claims to be theirs, that a quick machine reads. A sender that
+keeps to a vehicle's rate is always read."""
 SENDER_BURST_S = 2.0
 """A radio delivers at once what it could not for a while."""
 _SMOOTH_S = 1.0
@@ -36,9 +36,9 @@ HOLD_S = 3.0
 _SLOWER, _FASTER = 0.5, 1.03
 """Factors on the rate that this machine reads: when it is late, and for each update when it is not."""
 _DRAIN_S = 0.3
-"""For so long after it is lowered, what had queued before is still being read."""
-_LEAST = 1e-6
-"""Keeps shares and divisors above zero."""
+"""Time after the read rate is lowered in which what had queued before is still being read."""
+_TINY = 1e-6
+"""Lower bound of shares and divisors, above zero."""
 
 
 def fair_level(wanted: Iterable[float], total: float) -> float:
@@ -64,21 +64,21 @@ class Allowance:
     wanted_per_s: float = 0.0
     """Rate that arrives, passed or not."""
     turned_away: float = 0.0
-    """About how many datagrams of this flood did not pass."""
+    """Estimated number of datagrams of this flood that did not pass."""
     limited_s: float = -math.inf
     """Time at which it last was limited, monotonic."""
 
     @classmethod
     def full(cls, burst_s: float) -> Allowance:
-        """An unused one."""
+        """Return an unused allowance."""
         return cls(burst_s, burst_s)
 
     def estimate_refused(self, seen: int) -> float:
-        """About how many did not pass where so many did, n (1/p − 1); even where none did, some may have come."""
+        """Estimate how many did not pass where ``seen`` did, n (1/p − 1); even where none did, some may have come."""
         return (seen + 0.5) * (1.0 / self.share - 1.0)
 
     def count(self, seen: int, away: float, dt_s: float, now_s: float) -> None:
-        """Notes how many passed in a time, and how many did not."""
+        """Count the datagrams that passed in a time, and those that did not."""
         part = min(dt_s / _SMOOTH_S, 1.0) if self.share < 1.0 else 1.0
         self.wanted_per_s += part * ((seen + away) / dt_s - self.wanted_per_s)
         self.turned_away += away
@@ -86,7 +86,7 @@ class Allowance:
             self.limited_s = now_s
 
     def spend(self, used_s: float, dt_s: float, now_s: float, *, now: bool = False) -> None:
-        """Takes what passed in a time off the allowance.
+        """Take what passed in a time off the allowance.
 
         Args:
             used_s: what passed, in seconds of the allowed rate.
@@ -98,7 +98,7 @@ class Allowance:
             if self.credit_s >= 0.0 and not (now and used_s > dt_s):
                 return
         self.credit_s = 0.0
-        self.share = min(1.0, max(_LEAST, self.share * min(2.0, dt_s / max(used_s, _LEAST))))
+        self.share = min(1.0, max(_TINY, self.share * min(2.0, dt_s / max(used_s, _TINY))))
         if self.share < 1.0:
             if now_s - self.limited_s >= HOLD_S:
                 self.turned_away = 0.0
@@ -135,7 +135,7 @@ class Shares:
         self._slower_s = -math.inf
 
     def adapt(self, traffic: PassedTraffic, systems: Mapping[Sender, int], dt_s: float, now_s: float) -> None:
-        """Sets the shares from what came.
+        """Set the shares from what came.
 
         Args:
             systems: for how many systems each known sender sends.
@@ -158,23 +158,23 @@ class Shares:
                 self.limited[sender].spend(used_s, dt_s, now_s, now=read_s > dt_s)
 
     def _count(self, traffic: PassedTraffic, dt_s: float, now_s: float) -> None:
-        """Attributes the drops, which the kernel counts together, to senders as their shares would have it."""
+        """Attribute the drops, which the kernel counts together, to senders as their shares would have it."""
         parts = [(self.likely, traffic.likely), (self.other, traffic.other)]
         parts += [(allowance, traffic.read.get(sender, 0)) for sender, allowance in self.limited.items()]
         held_back = [allowance.estimate_refused(seen) for allowance, seen in parts]
-        scale = traffic.turned_away / max(sum(held_back), _LEAST)
+        scale = traffic.turned_away / max(sum(held_back), _TINY)
         for (allowance, seen), away in zip(parts, held_back, strict=True):
             allowance.count(seen, away * scale, dt_s, now_s)
 
     def forget(self, since_s: float, known: Mapping[Sender, int]) -> None:
-        """Forgets senders that were not limited since a time (monotonic), or are not known any more."""
+        """Forget senders that were not limited since a time (monotonic), or are not known any more."""
         for sender, allowance in list(self.limited.items()):
             rested = allowance.share >= 1.0 and allowance.credit_s >= allowance.burst_s
             if sender not in known or (rested and allowance.limited_s < since_s):
                 del self.limited[sender]
 
     def _adapt_read_rate(self, read_per_s: float, now_s: float, *, late: bool) -> None:
-        """Adapts the rate that this machine reads beside its other work."""
+        """Adapt the rate that this machine reads beside its other work."""
         if not late:
             self.read_per_s = min(READ_PER_S, _FASTER * self.read_per_s)
         elif now_s - self._slower_s >= _DRAIN_S:

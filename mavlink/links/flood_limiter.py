@@ -27,7 +27,7 @@ _QUEUED, _ROOM, _DROPS = 0, 1, 8
 _FULL, _LATE = 0.75, 0.2
 """Fill of the receive buffer from which on drops are losses and not the filter's, and from which on reading is late."""
 STRANGERS = -1
-"""In the place of a system id: all unknown senders together."""
+"""Number in place of a system id for all unknown senders together."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -37,11 +37,11 @@ class FloodLimit:
     address: str
     """Host and port that they seem to come from; of unknown senders the one that most come from."""
     system_id: int
-    """That they carry, MIXED for datagrams that are not one frame each, or STRANGERS."""
+    """System id that they carry, MIXED for datagrams that are not one frame each, or STRANGERS."""
     wanted_per_s: float
     """Datagrams that arrive."""
     turned_away: int
-    """About how many of them were dropped by the filter."""
+    """Estimated number of them that were dropped by the filter."""
     refused: bool = False
     """True if their signatures are refused, and they are so many that not all are recorded."""
 
@@ -75,7 +75,7 @@ class FloodLimiter:
         return self._counted
 
     def resume(self, system_drops: int, *, was_limited: bool) -> None:
-        """Counts what the socket has dropped since another process last counted: that one may have hung for long.
+        """Count what the socket has dropped since another process last counted: that one may have hung for long.
 
         Args:
             was_limited: whether a filter was at work; it went on while nobody read.
@@ -87,7 +87,7 @@ class FloodLimiter:
         self.turned_away += new - lost
 
     def note_fill(self, was_full: bool) -> None:
-        """Notes how full the receive buffer is; to be called before it is read.
+        """Note how full the receive buffer is; to be called before it is read.
 
         Args:
             was_full: whether the read before brought as many as it could.
@@ -116,7 +116,7 @@ class FloodLimiter:
         return min(max(now_s - self._since_s, TICK_S), _LONG_S)
 
     def adapt(self, now_s: float, dt_s: float, traffic: PassedTraffic, peers: Peers) -> None:
-        """Sets the shares from what came since the last time, and the filter from the shares.
+        """Set the shares from what came since the last time, and the filter from the shares.
 
         Args:
             now_s: monotonic.
@@ -149,7 +149,7 @@ class FloodLimiter:
         return not self.is_unsupported and self._now_s - part.limited_s < HOLD_S
 
     def count_drops(self) -> None:
-        """Adds new drops to the losses or to the filter's: the kernel has one count for both."""
+        """Add new drops to the losses or to the filter's: the kernel has one count for both."""
         drops = self._drops()
         new = (drops - self._counted) & 0xFFFFFFFF
         self._counted = drops

@@ -25,7 +25,7 @@ _BARE_PORT = re.compile(r"\d+")
 
 
 def parse_url(url: str) -> LinkUrl:
-    """Takes a link URL apart.
+    """Take a link URL apart.
 
     Args:
         url: ``udpin:``, ``udp:`` (listens, as in pymavlink), ``udpout:``, ``tcp:``, ``tcpin:``, each also with ``//``;
@@ -59,7 +59,7 @@ def kind_of(url: str | LinkUrl) -> type[Link]:
 
 
 def open_link(url: str | LinkUrl, options: LinkOptions | None = None) -> Link:
-    """Opens a link.
+    """Open a link.
 
     Args:
         url: as :func:`parse_url` has it, for instance ``udpin:0.0.0.0:14550``.

@@ -28,9 +28,9 @@ WAITING = 512
 REPORTED = 32
 """Untrusted senders whose addresses are reported."""
 TRUSTED_US = 60_000_000
-"""Trust ends after so long without a good frame."""
+"""Time without a good frame after which trust ends."""
 WAITING_US = 5_000_000
-"""A waiting sender is forgotten after so long without a good frame."""
+"""Time without a good frame after which a waiting sender is forgotten."""
 _KEY = struct.Struct("=q")
 _SENDER = struct.Struct("=H2s4s")
 
@@ -92,11 +92,11 @@ class Peers:
         return self._last
 
     def note_good_frames(self, claims: set[Claim]) -> None:
-        """Notes good frames of senders that are trusted already."""
+        """Note good frames of senders that are trusted already."""
         self._good_claims |= claims
 
     def trust(self, claims: set[Claim], t_us: int) -> None:
-        """Notes good frames of senders, and trusts those that there is room for."""
+        """Note good frames of senders, and trust those that there is room for."""
         self.note_good_frames(claims)
         for claim in claims.difference(self.trusted):
             if claim[0] not in self.keys:
@@ -107,14 +107,14 @@ class Peers:
                 self._waiting.setdefault(claim, _Trust(t_us)).heard_us = t_us
 
     def note_mixed(self, numbers: Set[int]) -> None:
-        """Notes that good frames came from these addresses in datagrams that were not one frame each."""
+        """Note that good frames came from these addresses in datagrams that were not one frame each."""
         new = {number for number in numbers - self._mixed if number in self.keys}
         if new:
             self._mixed |= new
             self.changes += 1
 
     def update_trust(self, t_us: int) -> None:
-        """Ends the trust in silent senders, and trusts waiting ones instead."""
+        """End the trust in silent senders, and trust waiting ones instead."""
         for table in (self.trusted, self._waiting):
             for claim in self._good_claims.intersection(table):
                 table[claim].heard_us = t_us
@@ -133,7 +133,7 @@ class Peers:
         last: int,
         t_us: int,
     ) -> None:
-        """Takes over the numbers and the trust of another process that has ended.
+        """Take over the numbers and the trust of another process that has ended.
 
         Args:
             known: number → address of those who were trusted.
@@ -244,7 +244,7 @@ class Peers:
         self.changes += 1
 
     def _evict_oldest(self) -> None:
-        """The oldest who is not trusted; there always is one, as more are numbered than trusted."""
+        """Evict the oldest sender that is not trusted; there always is one, as more are numbered than trusted."""
         while self.numbers[key := next(iter(self.numbers))] in self._known:
             self.numbers.move_to_end(key)
         number = self.numbers.pop(key)

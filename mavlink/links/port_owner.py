@@ -1,4 +1,4 @@
-"""Why a port cannot be had, with who holds it where the system reports it."""
+"""Reason why a port cannot be had, with who holds it where the system reports it."""
 
 from __future__ import annotations
 

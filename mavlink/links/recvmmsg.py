@@ -91,7 +91,7 @@ class Datagrams:
             )
 
     def receive(self) -> int:
-        """Takes what is there, without waiting.
+        """Take what is there, without waiting.
 
         Returns:
             How many datagrams, at most 256; 0 when there are none.
@@ -126,6 +126,6 @@ class Datagrams:
         ]
 
     def reset(self, count: int) -> None:
-        """Makes the first ``count`` places ready for the next call."""
+        """Make the first ``count`` places ready for the next call."""
         ctypes.memmove(self._headers, self._fresh, count * _HEADER_BYTES)
         ctypes.memset(self._rows, 0, count * _ROW_BYTES)

@@ -26,7 +26,7 @@ class LinkCounts:
     turned_away: int = 0
     """Datagrams that the filter dropped during floods."""
     silent_s: float = math.inf
-    """Since the last packet, inf before the first."""
+    """Time since the last packet, s; inf before the first."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -22,7 +22,16 @@ from mavlink.links.byte_stream import PATIENCE_S, Connection, FrameStream, queue
 from mavlink.links.url import LinkUrl, network_url, serial_url
 
 PAUSES_S = (0.5, 1.0, 2.0, 4.0)
-"""Before it is opened again."""
+"""Pauses before the stream is opened again, s."""
+_CHUNK = 4096
+_FRAME_BITS = 280 * 10
+"""The longest frame; a byte goes as ten bits."""
+DEFAULT_PORT = 5760
+"""TCP port at which ArduPilot's simulator and most bridges listen."""
+_TCP_CHUNK = 65536
+_CONNECT_S = 5.0
+"""An answer that takes longer is not waited for."""
+_PENDING = (errno.EINPROGRESS, errno.EWOULDBLOCK, errno.EALREADY, errno.EINTR)
 
 
 class StreamLink(Link):
@@ -65,7 +74,7 @@ class StreamLink(Link):
         return batch
 
     def send(self, frame: bytes, peer: int = 0) -> bool:
-        """Sends to the other end, the only peer there is.
+        """Send to the other end, the only peer there is.
 
         Raises:
             LinkError: not connected, it broke, or it takes nothing at the moment.
@@ -79,10 +88,10 @@ class StreamLink(Link):
 
     @abstractmethod
     def maintain(self) -> None:
-        """Opens it again when need be, by :meth:`_opened`."""
+        """Open the stream again if needed, by :meth:`_opened`."""
 
     def close(self) -> None:
-        """Closes it."""
+        """Close the stream."""
         self._open = False
         self._lose()
 
@@ -95,11 +104,6 @@ class StreamLink(Link):
         connection, self._connection = self._connection, None
         if connection is not None:
             connection.close()
-
-
-_CHUNK = 4096
-_FRAME_BITS = 280 * 10
-"""The longest frame; a byte goes as ten bits."""
 
 
 class SerialLink(StreamLink):
@@ -129,7 +133,7 @@ class SerialLink(StreamLink):
         return serial_url(rest)
 
     def maintain(self) -> None:
-        """Opens the port again when it has come back."""
+        """Open the port again when it has come back."""
         if self._connection is None and self._open and self._backoff.due(time.monotonic()):
             try:
                 self._plug_in()
@@ -154,14 +158,6 @@ def _receive(port: serial.Serial) -> bytes | None:
         return port.read(min(max(port.in_waiting, 1), _CHUNK)) or None
     except (OSError, TypeError):  # pyserial raises TypeError when another thread closes the port
         return b""
-
-
-DEFAULT_PORT = 5760
-"""TCP port at which ArduPilot's simulator and most bridges listen."""
-_TCP_CHUNK = 65536
-_CONNECT_S = 5.0
-"""An answer that takes longer is not waited for."""
-_PENDING = (errno.EINPROGRESS, errno.EWOULDBLOCK, errno.EALREADY, errno.EINTR)
 
 
 def tcp_connection(sock: socket.socket, frames: FrameStream, options: LinkOptions) -> Connection:
@@ -203,12 +199,12 @@ class TcpOut(StreamLink):
 
     @classmethod
     def prepare(cls, url: LinkUrl) -> tuple[LinkUrl, socket.socket | None]:
-        """Looks the host up: a process that receives must not wait for that."""
+        """Look the host up: a process that receives must not wait for that."""
         host, port = _resolve(url)
         return LinkUrl(scheme=url.scheme, host=host, port=port), None
 
     def maintain(self) -> None:
-        """Connects when need be."""
+        """Connect when need be."""
         now_s = time.monotonic()
         if self._calling is not None:
             self._look_for_answer(self._calling, now_s)

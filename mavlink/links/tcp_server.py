@@ -52,7 +52,7 @@ class TcpIn(Link):
 
     @classmethod
     def prepare(cls, url: LinkUrl) -> tuple[LinkUrl, socket.socket | None]:
-        """Takes the port, which then outlives the process that receives."""
+        """Take the port, which then outlives the process that receives."""
         return url, _listen(url)
 
     @property
@@ -102,13 +102,13 @@ class TcpIn(Link):
         return self._addresses().get(peer, "")
 
     def trust(self, claims: set[Claim], t_us: int) -> None:
-        """Marks clients as known: they may be sent to."""
+        """Mark clients as known: they may be sent to."""
         peers = {peer for peer, _ in claims}
         for client in self._clients.values():
             client.known = client.known or client.connection.frames.peer in peers
 
     def send(self, frame: bytes, peer: int = 0) -> bool:
-        """Sends to every client that is known, or to one.
+        """Send to every client that is known, or to one.
 
         Args:
             peer: number of the one client that is to get it, known or not; 0: all that are known.
@@ -131,7 +131,7 @@ class TcpIn(Link):
         self._accepted = before.last_peer
 
     def close(self) -> None:
-        """Closes everything."""
+        """Close everything."""
         self._open = False
         for sock in [self._server, *self._clients]:
             sock.close()
@@ -169,7 +169,7 @@ class TcpIn(Link):
             self._drop(sock, batch)
 
     def _drop(self, sock: socket.socket, batch: Batch) -> None:
-        """Closes a connection; what its last unfinished frame hides comes out."""
+        """Close a connection; what its last unfinished frame hides comes out."""
         client = self._clients.pop(sock, None)
         if client is not None:
             client.connection.frames.add(b"", now_us(), batch)

@@ -16,7 +16,7 @@ from mavlink.links.report import LinkReport
 from mavlink.links.udp_link import UdpLink
 from mavlink.links.url import LinkUrl, network_url
 
-LEAST_BUFFER_BYTES = 4 << 20
+MIN_BUFFER_BYTES = 4 << 20
 """A smaller receive buffer is warned of: seconds of a large fleet do not fit."""
 _BUFFER_BYTES = 8 << 20
 """Receive buffer asked for: about a second of 10,000 packets."""
@@ -28,9 +28,6 @@ _RECEIVERS = 8
 
 class UdpIn(UdpLink):
     """Listens on a port that is its own.
-
-    Args:
-        clock_s: monotonic.
 
     Raises:
         LinkError: the port is in use, or the address is not one of this machine.
@@ -52,7 +49,7 @@ class UdpIn(UdpLink):
 
     @classmethod
     def prepare(cls, url: LinkUrl) -> tuple[LinkUrl, socket.socket | None]:
-        """Takes the port, which then outlives the process that receives, with what is in its buffer."""
+        """Take the port, which then outlives the process that receives, with what is in its buffer."""
         return url, _bind(url)
 
     @property
@@ -63,7 +60,7 @@ class UdpIn(UdpLink):
 
     @property
     def troubles(self) -> tuple[str, ...]:
-        """That floods cannot be limited, on a system without socket filters."""
+        """Warning that floods cannot be limited, on a system without socket filters."""
         text = f"{self.name}: this system has no socket filters; a flood of strangers can push others out"
         return (text,) if self.limiter.is_unsupported else ()
 
@@ -74,7 +71,7 @@ class UdpIn(UdpLink):
         self.peers.restore(known, before.claims, before.mixed, before.last_peer, now_us())
 
     def send(self, frame: bytes, peer: int = 0) -> bool:
-        """Sends to all that sent good frames in the last minute, or to one sender.
+        """Send to all that sent good frames in the last minute, or to one sender.
 
         Args:
             peer: number of the one sender that is to get it, known or not; 0: all that are known, but only the first
@@ -122,11 +119,11 @@ class UdpOut(UdpLink):
 
     @classmethod
     def prepare(cls, url: LinkUrl) -> tuple[LinkUrl, socket.socket | None]:
-        """Connects a socket that outlives the process that receives: the other end goes on to send to its port."""
+        """Connect a socket that outlives the process that receives: the other end goes on to send to its port."""
         return url, _connect(url)
 
     def send(self, frame: bytes, peer: int = 0) -> bool:
-        """Sends to the address, the only peer there is.
+        """Send to the address, the only peer there is.
 
         Returns:
             False where an earlier frame found no listener there. That is no error: there may be one now.

@@ -29,7 +29,7 @@ _CLOCK_GAP_US = 10_000_000
 SUDDEN = 1000
 """Unknown datagrams after which the shares are updated at once: a socket has room for some ten thousand."""
 _WAITED_S = 10.0
-"""Nothing lies longer in the socket, as far as rates are concerned."""
+"""Longest time that anything lies in the socket, as far as rates are concerned."""
 
 
 class UdpLink(Link):
@@ -52,7 +52,7 @@ class UdpLink(Link):
         self._trusts_checksums = options.trusts_checksums
         self._datagrams = Datagrams(sock) if available() else None
         self._batches: list[Batch] = []
-        """Received since the last update of the shares, as are the counts that follow."""
+        """Batches received since the last update of the shares, as are the counts that follow."""
         self._bad_datagrams: Counter[Sender] = Counter()
         self._unknown_counts = [0, 0]
         """Datagrams of unknown senders that look like one frame, and others."""
@@ -87,7 +87,7 @@ class UdpLink(Link):
         return (self._socket.fileno(),) if self._open else ()
 
     def read_batch(self) -> Batch:
-        """Up to some hundred datagrams that are there, without waiting; empty when there are none or closed."""
+        """Read up to some hundred datagrams that are there, without waiting; empty when there are none or closed."""
         batch = Batch()
         if not self._open:
             return batch
@@ -110,7 +110,7 @@ class UdpLink(Link):
         return batch
 
     def _note_senders(self, batch: Batch, t_us: int) -> None:
-        """Notes the senders of a batch, and trusts new ones whose checksums are right."""
+        """Note the senders of a batch, and trusts new ones whose checksums are right."""
         if not batch.frames:
             return
         self._batches.append(batch)
@@ -135,7 +135,7 @@ class UdpLink(Link):
         return self.peers.address(peer)
 
     def trust(self, claims: set[Claim], t_us: int) -> None:
-        """These senders have proved who they are: they pass up to their limits, and may be sent to."""
+        """Trust senders that have proved who they are: they pass up to their limits, and may be sent to."""
         self.peers.trust(claims, t_us)
 
     def limits(self) -> tuple[FloodLimit, ...]:
@@ -143,12 +143,12 @@ class UdpLink(Link):
         return tuple(self.limiter.limits(self.peers, self._unknown_words))
 
     def maintain(self) -> None:
-        """Updates which shares pass; to be called every tenth of a second or so."""
+        """Update which shares pass; to be called every tenth of a second or so."""
         if self._open and self.limiter.due(self._clock_s()):
             self.adapt(now_us())
 
     def adapt(self, t_us: int) -> None:
-        """Updates the trust in senders, and which share of their datagrams passes."""
+        """Update the trust in senders, and which share of their datagrams passes."""
         self.peers.update_trust(t_us)
         if self._unknown_addresses:
             others = len(self._unknown_addresses) - 1
@@ -201,8 +201,9 @@ class UdpLink(Link):
             limits=self.limits(),
         )
 
-    def know(self, system_ids: Collection[int]) -> None:
-        """Only frames of these systems make a sender known from now on; who is known already stays so for a minute."""
+    def set_fleet(self, system_ids: Collection[int]) -> None:
+        """Limit the senders that become known from now on to those of these systems; who is known already stays so for
+        a minute."""
         self._system_ids = frozenset(system_ids)
 
     def resume(self, before: LinkReport) -> None:
@@ -210,7 +211,7 @@ class UdpLink(Link):
         self.limiter.resume(before.system_drops, was_limited=before.narrow)
 
     def close(self) -> None:
-        """Closes the socket."""
+        """Close the socket."""
         self._open = False
         self._socket.close()
 
@@ -223,7 +224,7 @@ class UdpLink(Link):
         }
 
     def _receive_many(self, batch: Batch) -> None:
-        """One system call's worth of datagrams."""
+        """Receive one system call's worth of datagrams."""
         datagrams = self._datagrams
         assert datagrams is not None
         count = datagrams.receive()
@@ -254,7 +255,7 @@ class UdpLink(Link):
     def _find_frames(
         self, batch: Batch, datagrams: Sequence[bytes], keys: Sequence[int], times_us: Sequence[int], now: int
     ) -> None:
-        """Adds what is in datagrams, with their senders (:func:`mavlink.links.peers.key_of`) and stamps, to a batch.
+        """Add what is in datagrams, with their senders (:func:`mavlink.links.peers.key_of`) and stamps, to a batch.
 
         A stamp that is not of the last seconds is replaced: the clock was set meanwhile.
         """
@@ -274,7 +275,7 @@ class UdpLink(Link):
         self._counters.add(sum(map(len, datagrams)), FrameCounts(good=good))
 
     def _split_datagram(self, batch: Batch, data: bytes, key: int, t_us: int) -> None:
-        """Adds the frames in a datagram that is not exactly one good frame."""
+        """Add the frames in a datagram that is not exactly one good frame."""
         frames, counts = split(data)
         self._counters.add(0, counts)
         if not frames:
@@ -291,7 +292,7 @@ class UdpLink(Link):
             batch.peers.append(number)
 
     def _note_bad_datagram(self, data: bytes, key: int) -> None:
-        """Counts a datagram without a frame, for its sender where that is trusted: the address may be forged."""
+        """Count a datagram without a frame, for its sender where that is trusted: the address may be forged."""
         alone = looks_like_one_frame(data)
         sender = self.peers.numbers.get(key, 0), system_of(data) if alone else MIXED
         if self.peers.trusts(sender):

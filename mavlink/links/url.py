@@ -30,7 +30,7 @@ class LinkUrl:
 
     @property
     def name(self) -> str:
-        """The same link in one spelling."""
+        """Link in one spelling."""
         if self.scheme == "serial":
             bare = f"{self.device},{self.baud}"
             return bare if BARE_DEVICE.match(bare) else f"serial:{self.device}:{self.baud}"

@@ -11,6 +11,7 @@ from mavlink.protocol.packet import MAGIC_V2
 
 BROADCAST = (0, 0)
 """Target system and component of a broadcast."""
+_MANUAL_CONTROL = 69
 
 
 def _offset(message: Any, field: str) -> int | None:  # noqa: ANN401  (the dialect's messages carry no types)
@@ -23,7 +24,6 @@ def _offset(message: Any, field: str) -> int | None:  # noqa: ANN401  (the diale
     return sum(struct.calcsize(f"<{formats[i]}") * counts[i] for i in range(names.index(field)))
 
 
-_MANUAL_CONTROL = 69
 _OFFSETS: dict[int, tuple[int | None, int | None]] = {
     number: (_offset(message, "target_system"), _offset(message, "target_component"))
     for number, message in ardupilotmega.mavlink_map.items()

@@ -45,6 +45,28 @@ _RAD = math.pi / 180.0
 
 _Head = tuple[int, int, int]
 _Values = tuple[Any, ...]
+# EKF_STATUS_FLAGS and ESTIMATOR_STATUS_FLAGS share these
+_ON_EARTH = 16
+_EKF_UNINITIALIZED, _EKF_GLITCH, _ESTIMATOR_GLITCH = 1024, 32768, 1024
+_MAX_RATIO, _MAX_ACCURACY_M = 1e3, 1e5
+"""Largest test ratio and accuracy that mean something."""
+# MAV_SYS_STATUS_SENSOR
+_GPS, _AHRS, _ARMING = 1 << 5, 1 << 21, 1 << 28
+_SENSORS = {
+    "gyroscope": 1 << 0 | 1 << 17,
+    "accelerometer": 1 << 1 | 1 << 18,
+    "compass": 1 << 2 | 1 << 19,
+    "barometer": 1 << 3,
+    "airspeed sensor": 1 << 4,
+    "rangefinder": 1 << 8,
+    "motor outputs": 1 << 15,
+    "fence of its own": 1 << 20,
+    "log": 1 << 24,
+    "battery": 1 << 25,
+    "proximity sensor": 1 << 26,
+    "propulsion": 1 << 30,
+}
+"""Sensors that a vehicle cannot do without; no remote control, which a fleet that drives by itself has not."""
 
 
 def clean_text(raw: bytes) -> str:
@@ -115,15 +137,6 @@ def _second_gps(head: _Head, v: _Values) -> SecondGps:
     return SecondGps(*head, fix_type, _hdop(eph), satellites if satellites < 255 else -1)
 
 
-# EKF_STATUS_FLAGS and ESTIMATOR_STATUS_FLAGS share these
-_ON_EARTH = 16
-_EKF_UNINITIALIZED, _EKF_GLITCH, _ESTIMATOR_GLITCH = 1024, 32768, 1024
-
-
-_MAX_RATIO, _MAX_ACCURACY_M = 1e3, 1e5
-"""Larger test ratios and accuracies mean nothing more."""
-
-
 def _ratio(value: float) -> float:
     """A ratio of 0 or more, bounded, since it becomes metres; 0 for NaN."""
     return min(value, _MAX_RATIO) if value > 0.0 else 0.0
@@ -141,25 +154,6 @@ def _estimator_status(head: _Head, v: _Values) -> FilterStatus:
     ratios, aided = (_ratio(position), _ratio(velocity), _ratio(compass)), bool(flags & _ON_EARTH)
     accuracy_m = min(accuracy, _MAX_ACCURACY_M) if accuracy > 0.0 else math.nan
     return FilterStatus(*head, *ratios, accuracy_m, flags != 0, aided, bool(flags & _ESTIMATOR_GLITCH))
-
-
-# MAV_SYS_STATUS_SENSOR
-_GPS, _AHRS, _ARMING = 1 << 5, 1 << 21, 1 << 28
-_SENSORS = {
-    "gyroscope": 1 << 0 | 1 << 17,
-    "accelerometer": 1 << 1 | 1 << 18,
-    "compass": 1 << 2 | 1 << 19,
-    "barometer": 1 << 3,
-    "airspeed sensor": 1 << 4,
-    "rangefinder": 1 << 8,
-    "motor outputs": 1 << 15,
-    "fence of its own": 1 << 20,
-    "log": 1 << 24,
-    "battery": 1 << 25,
-    "proximity sensor": 1 << 26,
-    "propulsion": 1 << 30,
-}
-"""Sensors that a vehicle cannot do without; no remote control, which a fleet that drives by itself has not."""
 
 
 def _sys_status(head: _Head, v: _Values) -> SensorHealth:
@@ -319,11 +313,7 @@ _DECODERS = {message_id: _decoder(message_id) for message_id in _MAKERS}
 
 
 def decode(packet: Packet) -> Sample | None:
-    """The message in a packet in SI units, None for one that this program does not use.
-
-    Args:
-        packet: a frame that :mod:`mavlink.protocol.framing` or :mod:`mavlink.tlog.log` accepted.
-    """
+    """The message in a packet in SI units, None for one that this program does not use."""
     raw = packet.raw
     if raw[0] == MAGIC_V2:
         message_id, start = raw[7] | raw[8] << 8 | raw[9] << 16, 10

@@ -208,18 +208,18 @@ class Framer:
         return len(self._rest)
 
     def receive_bytes(self, data: bytes) -> list[bytes]:
-        """Adds the next bytes and returns the frames that they complete, in order."""
+        """Add the next bytes and return the frames that they complete, in order."""
         return self._scan(self._rest + data, _Wait.FOR_ALL)
 
     def skip_unfinished(self) -> list[bytes]:
-        """Gives up an unfinished frame and returns the good ones that follow it: three bytes of noise may claim 280.
+        """Give up an unfinished frame and return the good ones that follow it: three bytes of noise may claim 280.
 
         As long as no good frame follows, it may still be finished.
         """
         return self._scan(self._rest, _Wait.FOR_LAST)
 
     def finish(self) -> list[bytes]:
-        """Ends the stream and returns the frames behind an unfinished one."""
+        """End the stream and return the frames behind an unfinished one."""
         return self._scan(self._rest, _Wait.FOR_NONE)
 
     def _scan(self, data: bytes, wait: _Wait) -> list[bytes]:

@@ -84,9 +84,9 @@ class GlobalPosition(NamedTuple):
     lat_deg: float
     lon_deg: float
     alt_m: float
-    """Above sea level."""
+    """Altitude above sea level."""
     relative_alt_m: float
-    """Above home."""
+    """Height above home."""
     v_north: float
     v_east: float
     v_down: float
@@ -153,7 +153,7 @@ class SensorHealth(_Sample):
     voltage_v: float
     """Voltage of its first battery."""
     charge_percent: int
-    """Left in it, −1 unknown; not checked yet."""
+    """Charge of the battery, −1 unknown; not checked yet."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -231,7 +231,7 @@ class MountStatus(_Sample):
     yaw: float
     """Relative to the vehicle's nose."""
     boot_ms: int = 0
-    """It has none."""
+    """Boot time: the message has none."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -309,7 +309,7 @@ class StatusText(_Sample):
     """MAV_SEVERITY: 0 emergency .. 7 debug."""
     text: str
     text_id: int
-    """Not 0: one piece of a longer text."""
+    """Number of a longer text of which this is one piece; 0: it is a whole text."""
     chunk: int
 
 

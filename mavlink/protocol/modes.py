@@ -18,8 +18,8 @@ _KINDS = (
 )
 _FLYING = frozenset({"copter", "helicopter", "plane", "vtol"})
 _DRIVING = frozenset({"rover", "boat", "quadruped"})
-# Types that send heartbeats without being a vehicle: stations, companions, gimbals, cameras, batteries ...
 _EQUIPMENT = frozenset({6, 18, 26, 27, 30, 31, 32, 33, 34, 36, 37, 38, 39, 40, 41, 42, 44, 48})
+"""Types that send heartbeats without being a vehicle: stations, companions, gimbals, cameras, batteries, and others."""
 _MODE_ENUMS = {
     "copter": "COPTER_MODE",
     "helicopter": "COPTER_MODE",

@@ -47,7 +47,7 @@ class Packet:
     auth: Auth = Auth.OPEN
     """Result of verifying its signature."""
     record: int = field(default=-1, compare=False)
-    """Its running number in the flight's log, -1 where it is not in one or that is not known."""
+    """Running number of its record in the flight's log, -1 where it is not in one or that is not known."""
 
     @property
     def version(self) -> int:

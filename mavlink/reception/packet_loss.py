@@ -21,12 +21,12 @@ _MAX_SEQUENCES = 32
 """Counters followed for one loss: components times links."""
 
 _HEARTBEAT = 0
-_WINDOW_MS, _MOST_INTERVALS = 30_000, 64
+_WINDOW_MS, _MAX_INTERVALS = 30_000, 64
 """Time over which what is regular is measured, and most intervals."""
 _NEIGHBOURS = 10
-"""Intervals on each side of one that tell what is usual there: of so many, a few are whole though most messages are
+"""Intervals on each side of one that tell what is usual there: of this many, a few are whole though most messages are
 lost."""
-_LEAST_INTERVALS, _COUNTED_EVERY = 4, 4
+_MIN_INTERVALS, _COUNTED_EVERY = 4, 4
 _KNOWN_FROM = 10
 """Regular messages that have to come before a hole counts as a loss: of half as many it could be chance."""
 _SILENCE_MS = 10_000
@@ -34,11 +34,7 @@ _SILENCE_MS = 10_000
 
 
 class SequenceLoss:
-    """Share of packets lost lately; every sender counts its packets per channel, modulo 256.
-
-    Args:
-        half_life: packets after which older ones count half.
-    """
+    """Share of packets lost lately; every sender counts its packets per channel, modulo 256."""
 
     __slots__ = ("_half_life", "_last", "expected", "received")
 
@@ -50,7 +46,7 @@ class SequenceLoss:
         self.received = 0.0
 
     def add(self, link: int, component_id: int, seq: int) -> None:
-        """Counts one packet."""
+        """Count one packet."""
         key = (link, component_id)
         last = self._last.get(key)
         if last is None and len(self._last) >= _MAX_SEQUENCES:
@@ -91,14 +87,14 @@ class _RegularMessage:
         """Messages that were sent meanwhile, by the usual interval between them."""
 
     def add(self, made_ms: int) -> None:
-        """One that was made at a time in ms."""
+        """Add a message that was made at a time in ms."""
         interval_ms = made_ms - self._last_ms
         if abs(interval_ms) > _SILENCE_MS:
             self._last_ms = made_ms  # a silence or a reboot
         if not 0 < interval_ms <= _SILENCE_MS:
             return
         self._last_ms = made_ms
-        while self._span_ms > _WINDOW_MS or len(self._intervals_ms) >= _MOST_INTERVALS:
+        while self._span_ms > _WINDOW_MS or len(self._intervals_ms) >= _MAX_INTERVALS:
             self._span_ms -= self._intervals_ms.popleft()
             self._sent.popleft()
         self._intervals_ms.append(interval_ms)
@@ -109,7 +105,7 @@ class _RegularMessage:
     def count(self) -> None:
         """Count what came and what was sent, where enough is new."""
         total = len(self._intervals_ms)
-        if total < _LEAST_INTERVALS or (self.received and self._new < _COUNTED_EVERY):
+        if total < _MIN_INTERVALS or (self.received and self._new < _COUNTED_EVERY):
             return
         # of those before them, the intervals after are known now as well
         for at in range(max(0, total - self._new - _NEIGHBOURS), total):
@@ -124,7 +120,7 @@ class _RegularMessage:
     def _usual_ms(self, start: int, stop: int) -> int:
         """The second shortest interval, since the shortest may end with an extra message; 0 where there are too few."""
         near = sorted(islice(self._intervals_ms, max(0, start), stop))
-        return near[1] if len(near) >= _LEAST_INTERVALS else 0
+        return near[1] if len(near) >= _MIN_INTERVALS else 0
 
 
 class PacketLoss:
@@ -137,7 +133,7 @@ class PacketLoss:
         self._regular: dict[tuple[int, int], _RegularMessage] = {}
 
     def add(self, packet: Packet, message_id: int) -> None:
-        """Counts one packet."""
+        """Count one packet."""
         component_id = packet.component_id
         self.sequence.add(packet.peer, component_id, packet.seq)
         made_ms = packet.t_us // 1000 if message_id == _HEARTBEAT else packet.boot_ms

@@ -26,7 +26,7 @@ _BEHIND_US = 500_000
 _CURRENT_CHANNEL_US = 3_000_000
 """A channel that was up to date this recently is preferred to one that is behind: three heartbeats."""
 _FIRST_COPIES = 10
-"""A channel with so many first copies in a row has no duplicates: what looks like one is a heartbeat whose sequence
+"""A channel with this many first copies in a row has no duplicates: what looks like one is a heartbeat whose sequence
 number has come round."""
 
 _DUPLICATE_MEMORY_US = 12_000_000
@@ -38,7 +38,7 @@ _TIME_STAMPED = frozenset({2, 30, 31, 32, 33, 111, 259, 260, 265, 271, 285})
 has come round."""
 
 _UNUSED_US = 10_000_000
-"""A channel that is so much older than the newest packet counts no more in the loss: the vehicle has another now."""
+"""A channel that is this much older than the newest packet counts no more in the loss: the vehicle has another now."""
 _RATE_WINDOW_US = 2_000_000
 """Rates are measured over this: short enough to follow a change, two heartbeats long."""
 
@@ -75,7 +75,7 @@ class Arrival(NamedTuple):
 
     sender: SenderKey
     late: bool
-    """Its channel is seconds behind another that brings the same packets."""
+    """True if its channel is seconds behind another that brings the same packets."""
     lag: ChannelLag
     """Lag of its channel, by the message before."""
 
@@ -127,7 +127,7 @@ class _RateMeter:
         self._hz = 0.0
 
     def add(self, t_us: int) -> None:
-        """Counts one arrival."""
+        """Count one arrival."""
         self.last_us = t_us
         if not self._since_us:
             self._since_us = t_us
@@ -170,7 +170,7 @@ class _FirstCopies:
         return first if dated or first[1:] != (packet.link, packet.peer) else None
 
     def add(self, packet: Packet) -> None:
-        """Remembers a new packet."""
+        """Remember a new packet."""
         if not 0 <= packet.t_us - self._since_us < _DUPLICATE_MEMORY_US or len(self._newer) >= _MAX_REMEMBERED:
             self._older, self._newer, self._since_us = self._newer, {}, packet.t_us
         self._newer[hash(packet.raw)] = (packet.t_us, packet.link, packet.peer)
@@ -194,7 +194,7 @@ class _Channel:
         """Packets in a row that no other channel had brought before."""
 
     def add(self, packet: Packet, message_id: int) -> int:
-        """Counts a packet and returns the run of its sequence number."""
+        """Count a packet and return the run of its sequence number."""
         t_us, component_id, seq = packet.t_us, packet.component_id, packet.seq
         self.packets += 1
         self.rate.add(t_us)
@@ -215,13 +215,13 @@ class Reception:
         self.signed = 0
         """Packets with a signature that was verified."""
         self.unsigned = 0
-        """Accepted packets without one."""
+        """Number of accepted packets without a signature."""
         self._channels: dict[tuple[int, int], _Channel] = {}
         self._first_copies = _FirstCopies()
         self._current = -1, 0, 0  # link, peer and time of the last packet over a channel that was up to date
 
     def add_packet(self, packet: Packet, message_id: int) -> Arrival | None:
-        """Counts a packet whose signature allows to use it.
+        """Count a packet whose signature allows to use it.
 
         Returns:
             How it came; None for a duplicate of one that came before.
@@ -252,7 +252,7 @@ class Reception:
         return Arrival(SenderKey(packet.link, packet.peer, run, packet.component_id), late, channel.lag)
 
     def reject_packet(self, packet: Packet) -> tuple[Level, str]:
-        """Counts a packet whose signature forbids to use it.
+        """Count a packet whose signature forbids to use it.
 
         Returns:
             What an operator should know, an empty text for nothing.
@@ -266,7 +266,7 @@ class Reception:
         return self.rejections.add(packet, sender_last_us=channel.rate.last_us if channel is not None else None)
 
     def set_delay(self, sender: SenderKey, delay_us: int) -> None:
-        """Notes how long after it was made, by the vehicle's clock, the last packet of a channel came."""
+        """Note how long after it was made, by the vehicle's clock, the last packet of a channel came."""
         lag = ChannelLag.BEHIND if delay_us > _BEHIND_US else ChannelLag.CURRENT
         self._channel_of(sender.link, sender.peer).lag = lag
 

@@ -20,7 +20,7 @@ from mavlink.signing.streams import ticks_of, times_in
 from mavlink.state import Level
 
 SLOWEST_LINK_US = 12_000_000
-"""No link is slower than this; packets are remembered as long at least."""
+"""Delay of the slowest link; packets are remembered as long at least."""
 _TICK_US, _TICK_S = 10, 1e-5
 """Resolution of a signature's timestamp."""
 _MAX_STREAMS = 64
@@ -38,7 +38,7 @@ _ALARM_AFTER = 3
 _REORDERED_AFTER, _REORDERED_EVERY_US = 20, 600_000_000
 """Reordered packets are reported from this many on and every ten minutes: two radios last a whole flight."""
 _HELD_US = 3_000_000
-"""Held packets this close together are one incident, which is reported once it has lasted as long."""
+"""Time within which held packets are one incident, which is reported once it has lasted as long."""
 _AUTH_LASTS_US = 10_000_000
 """Time after a rejected packet for which a vehicle's signatures count as not good."""
 _REASONS = {
@@ -71,7 +71,7 @@ class _PacketAges:
         self._streams: dict[tuple[int, int], _StreamHistory] = {}
 
     def add(self, packet: Packet) -> None:
-        """Remembers a signed packet that was verified and is newer than those before."""
+        """Remember a signed packet that was verified and is newer than those before."""
         key = packet.component_id, packet.raw[-13]
         stream = self._streams.get(key)
         if stream is None:
@@ -105,13 +105,13 @@ class PacketRejections:
 
     def __init__(self) -> None:
         self.unsigned = 0
-        """Without a verified signature, where a key is set."""
+        """Number of packets without a verified signature, where a key is set."""
         self.bad_signature = 0
-        """Made with another key, replayed, or from the future."""
+        """Number of packets whose signature was made with another key, replayed, or from the future."""
         self.replayed = 0
         """Packets among these of a recording that is played again."""
         self.held = 0
-        """With a right signature, where nothing proves that they are made now."""
+        """Number of packets with a right signature, where nothing proves that they are made now."""
         self._ages = _PacketAges()
         self._counts: Counter[Auth] = Counter()
         self._count_reports: dict[Auth, ReportGrowth] = {}
@@ -122,11 +122,11 @@ class PacketRejections:
         self._lag_s = math.nan
 
     def note_verified(self, t_us: int) -> None:
-        """Notes that a verified packet came."""
+        """Note that a verified packet came."""
         self._verified_us = t_us
 
     def note_signed(self, packet: Packet) -> None:
-        """Notes the timestamp of an accepted packet that carries a signature."""
+        """Note the timestamp of an accepted packet that carries a signature."""
         self._ages.add(packet)
 
     def is_recent(self, first_us: int, t_us: int) -> bool:
@@ -134,7 +134,7 @@ class PacketRejections:
         return t_us - first_us < SLOWEST_LINK_US
 
     def add(self, packet: Packet, *, sender_last_us: int | None) -> tuple[Level, str]:
-        """Counts a rejected packet that is no duplicate.
+        """Count a rejected packet that is no duplicate.
 
         Args:
             packet: its ``auth`` is above ``GOOD``.

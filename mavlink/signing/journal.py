@@ -73,12 +73,12 @@ class StreamJournal:
         return rows
 
     def begin(self, run: bytes) -> None:
-        """Empties the journal for a new run."""
+        """Empty the journal for a new run."""
         self._map[:] = bytes(_SIZE)
         _HEAD.pack_into(self._map, 0, _MAGIC, _boot_id(), run)
 
     def put(self, place: int, stream: int, timestamp: int, received: int, booted: int) -> None:
-        """Writes a stream's row; implements :class:`mavlink.signing.streams.StreamRecorder`."""
+        """Write a stream's row; implements :class:`mavlink.signing.streams.StreamRecorder`."""
         slot = self._last_slot[place] = self._last_slot[place] ^ 1
         at = _ROWS_AT + (2 * place + slot) * _SLOT_BYTES
         body = _BODY.pack(stream, timestamp, received, booted)
@@ -86,7 +86,7 @@ class StreamJournal:
         self.newest[place] = timestamp
 
     def close(self, *, needed: bool) -> None:
-        """Closes the journal; removes its file unless it is still needed."""
+        """Close the journal and remove its file unless it is still needed."""
         if not needed:
             with contextlib.suppress(OSError):
                 self.path.unlink()

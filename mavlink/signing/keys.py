@@ -19,7 +19,7 @@ from infra.files.safe_open import open_to_read
 from mavlink.errors import SigningError
 
 FLEET = 0
-"""In place of a system id: the key of all systems that have none of their own."""
+"""Word in place of a system id: the key of all systems that have none of their own."""
 KEY_LENGTH = 32
 SIGNATURE_BYTES = 6
 _POSIX = os.name == "posix"
@@ -64,7 +64,7 @@ class Key:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class KeyRing:
-    """The keys of those who sign."""
+    """The signing keys of a fleet."""
 
     keys: Mapping[int, Key] = field(default_factory=dict)
     """Keys by system id, 1..255."""
@@ -90,7 +90,7 @@ def key_path(folder: Path, system_id: int) -> Path:
 
 
 def read_ring(folder: Path) -> KeyRing:
-    """Reads every key of a folder; a folder without keys gives an empty ring.
+    """Read every key of a folder; a folder without keys gives an empty ring.
 
     Raises:
         SigningError: no such folder, files that others may read or replace, or that hold no key.
@@ -106,7 +106,7 @@ def read_ring(folder: Path) -> KeyRing:
 
 
 def write_key(folder: Path, system_id: int, secret: bytes) -> tuple[Path, Key]:
-    """Puts a key into a folder, readable by its owner only; makes the folder if need be.
+    """Put a key into a folder, readable by its owner only; make the folder if needed.
 
     Raises:
         SigningError: there is one already, or it cannot be written.

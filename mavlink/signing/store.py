@@ -49,7 +49,7 @@ def open_verifier(
     keyless: Keyless = "refused",
     accept_late: Collection[int] = (),
 ) -> tuple[Verifier, StreamStore]:
-    """Reads the keys of a folder and the table of their streams.
+    """Read the keys of a folder and the table of their streams.
 
     To be called in the process that verifies, once for all links; there, close the store at the end.
 
@@ -106,7 +106,7 @@ class StreamStore:
         self.warning = ""
         """Fault of the files at the start; empty for nothing."""
         self.trouble = ""
-        """Why nothing can be saved now; empty where it can."""
+        """Reason why nothing can be saved now; empty where it can."""
         self._number = self._births = 0
         self._period_s, self._wall_ns = period_s, wall_ns
         self._run_id = os.urandom(RUN_BYTES)
@@ -130,7 +130,7 @@ class StreamStore:
         self._thread.start()
 
     def close(self) -> None:
-        """Saves the last state; closing twice does nothing.
+        """Save the last state; closing twice does nothing.
 
         Raises:
             SigningError: it could not be saved.

@@ -84,7 +84,7 @@ class StreamRecorder(Protocol):
 
 
 class _StreamState:
-    """The newest of one stream."""
+    """Newest packet of one stream."""
 
     __slots__ = ("booted", "learned", "not_before", "noted", "place", "received", "timestamp")
 
@@ -162,7 +162,7 @@ class Streams:
         return Auth.GOOD
 
     def accept_held(self, system_id: int, now: int) -> int:
-        """Accepts the held streams of a system, on an operator's order: newer frames of them are used from now on.
+        """Accept the held streams of a system, on an operator's order: newer frames of them are used from now on.
 
         Returns:
             How many streams that were.
@@ -176,7 +176,7 @@ class Streams:
         return len(found)
 
     def restore(self, row: StreamRow, *, not_before: int = 0) -> None:
-        """Restores the row of a stream.
+        """Restore the row of a stream.
 
         Args:
             not_before: frames made before this may have been received after the row was saved.
@@ -194,7 +194,7 @@ class Streams:
                 yield StreamRow(system_id, stream >> 8, stream & 0xFF, known.timestamp, known.received, known.booted)
 
     def write_to(self, journal: StreamRecorder) -> None:
-        """Writes all streams to a journal, and from now on every change."""
+        """Write all streams to a journal, and from now on every change."""
         self.journal, self._newest = journal, journal.newest
         for system_id, streams in enumerate(self._of):
             for stream, known in streams.items():
@@ -212,7 +212,7 @@ class Streams:
         self._held[key] = max(timestamp, self._held.get(key, 0))
 
     def _add(self, system_id: int, stream: int) -> _StreamState:
-        """Adds a stream, in place of one of the largest system where the table is full."""
+        """Add a stream, in place of one of the largest system where the table is full."""
         if self._count >= MAX_STREAMS:
             largest = max(self._of, key=len)
             place = largest.pop(next(iter(largest))).place

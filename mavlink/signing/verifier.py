@@ -77,7 +77,7 @@ class Verifier:
         self._offset = self.streams.proven - steady_ns() // 10_000
 
     def check(self, packet: Packet) -> Auth:
-        """Verifies a frame that :mod:`mavlink.protocol.framing` accepted.
+        """Verify a frame that :mod:`mavlink.protocol.framing` accepted.
 
         For unsigned frames the result depends on the frame alone, for signed ones also on what was accepted before.
         """
@@ -112,11 +112,7 @@ class Verifier:
         return self.streams.admit(system_id, raw[6], raw[-13], timestamp, now, raw)
 
     def accept_held(self, system_id: int, t_us: int) -> int:
-        """Accepts a system whose frames are held, on an operator's order; returns how many of its streams were held.
-
-        Args:
-            t_us: Unix µs now.
-        """
+        """Accept a system whose frames are held, on an operator's order; return how many of its streams were held."""
         return self.streams.accept_held(system_id, self._now(t_us))
 
     def _now(self, t_us: int) -> int:

@@ -16,17 +16,17 @@ from mavlink.tlog.log import Tlog
 from mavlink.tlog.scan import Frames, Ints
 from mavlink.tlog.timestamps import TIME_LENGTH, TimeSource, read_times
 
-_MOST_GAPS = 1000
+_MAX_GAPS = 1000
 """Damaged places in which split frames are searched for: bounds the time."""
 _LONGEST_GAP = 300
 """Bytes: a longer damaged place holds more than a part of one frame (at most 280 bytes)."""
-_LEAST_CUT_FRAMES = 8
-"""Fewer frames without an end that follow each other may be chance."""
+_MIN_CUT_FRAMES = 8
+"""Least number of frames without an end in a row: fewer may be chance."""
 _WINDOW = 1 << 20
 """Bytes read at a time; one such window shows the byte order of the times."""
 _FAR_BACK_US = 1_000_000
 """Times that step back further than this are counted apart from the jitter of several links."""
-_LEAST_COLLISIONS = 3
+_MIN_COLLISIONS = 3
 """Torn frames and crossed times from which several programs wrote the file; fewer may be other damage."""
 
 
@@ -59,16 +59,16 @@ class TlogCheck:
     cut_short: int
     """Frames of a log in which every frame lacks its end."""
     looks_like: str
-    """Another file type whose signature it begins with; empty for none."""
+    """Other file type whose signature it begins with; empty for none."""
     sent_as_text: bool
-    """Every line feed follows a carriage return: the log was transferred as text."""
+    """True if every line feed follows a carriage return: the log was transferred as text."""
     damaged_bytes: int
     damage: tuple[Damage, ...]
 
     @property
     def several_writers(self) -> bool:
         """True if several programs wrote into the file at once."""
-        return self.torn_by_others + self.times_crossed >= _LEAST_COLLISIONS and not self.sent_as_text
+        return self.torn_by_others + self.times_crossed >= _MIN_COLLISIONS and not self.sent_as_text
 
     @property
     def speed(self) -> float:
@@ -83,7 +83,7 @@ class TlogCheck:
 
 
 def check(tlog: Tlog) -> TlogCheck:
-    """Checks a whole log."""
+    """Check a whole log."""
     index = tlog.index
     untimed = index.time_source == "none"
     cut_short, source = (0, index.time_source) if len(index) else _cut_short(tlog)
@@ -120,7 +120,7 @@ def _torn_by_others(tlog: Tlog) -> int:
     """Frames whose two halves lie in neighbouring gaps."""
     gaps = [
         tlog.data[d.start : min(d.stop, d.start + _LONGEST_GAP)].tobytes()
-        for d in tlog.index.damage[:_MOST_GAPS]
+        for d in tlog.index.damage[:_MAX_GAPS]
         if d.stop - d.start < _LONGEST_GAP and d.reason != "impossible time"
     ]
     return sum(_joins(one, other) for one, other in pairwise(gaps))
@@ -157,6 +157,6 @@ def _cut_short(tlog: Tlog) -> tuple[int, TimeSource]:
         seen, count = seen + at.size, count + int(np.count_nonzero(chained))
         if not sample.offset.size:
             sample = Frames(at[chained], length[chained])
-    if count < max(_LEAST_CUT_FRAMES, seen // 4):
+    if count < max(_MIN_CUT_FRAMES, seen // 4):
         return 0, "none"
     return count, read_times(data, sample)[2]

@@ -29,12 +29,12 @@ _CHUNKS = 40
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ClockStep:
-    """The recorder's clock was set while a sender's went on."""
+    """Step of the recorder's clock while a sender's went on."""
 
     row: int
     """First record with the new time."""
     offset: int
-    """Its place in the file."""
+    """Offset of the step in the file."""
     by_s: float
     """Positive: forward."""
 
@@ -88,8 +88,8 @@ def dated_by_senders(tlog: Tlog) -> Ints:
     t_us = np.zeros(rows.size, dtype=np.int64)
     owner = index.system_id.astype(np.int64) << 8 | index.component_id
     for sender in np.unique(owner[dated]).tolist():
-        told = (owner[dated] == sender) & (unix_us >= _UNIX_FROM_US) & (since_us > 0)
-        zero_us = (unix_us - since_us)[told]
+        usable = (owner[dated] == sender) & (unix_us >= _UNIX_FROM_US) & (since_us > 0)
+        zero_us = (unix_us - since_us)[usable]
         # a sender that was restarted has several
         if zero_us.size and np.ptp(zero_us) < _STEP_US:
             its = owner[rows] == sender

@@ -1,4 +1,4 @@
-"""Kind of file that is no telemetry log, or none any more: by the bytes it begins with and its line ends."""
+"""Recognition of files that are no telemetry log, or no longer one, by their first bytes and their line ends."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ _LINE_FEEDS = 32  # by chance all of them follow a carriage return once in 256^3
 
 
 def looks_like(data: Bytes) -> str:
-    """Other kind of file that the bytes begin like, in words; empty for none."""
+    """Name the other kind of file that the bytes begin like, in words; empty for none."""
     head = data[:8].tobytes()
     return next((kind for signature, kind in _SIGNATURES if head.startswith(signature)), "")
 

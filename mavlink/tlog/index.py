@@ -31,9 +31,9 @@ class Damage:
     """A range of bytes that holds no record, or no usable time."""
 
     start: int
-    """First byte."""
+    """Offset of the first byte."""
     stop: int
-    """One after the last byte."""
+    """Offset after the last byte."""
     reason: str
 
 
@@ -188,7 +188,7 @@ class TlogIndex:
 
 
 def _whole(data: Bytes, frames: Frames) -> Frames:
-    """Drops signed frames that were cut in their signature, which no checksum covers: another record begins in it."""
+    """Drop signed frames that were cut in their signature, which no checksum covers: another record begins in it."""
     signed = (data[frames.offset] == MAGIC_V2) & (data[frames.offset + 2] == 1)
     if not signed.any():
         return frames
@@ -202,7 +202,7 @@ def _whole(data: Bytes, frames: Frames) -> Frames:
 
 
 def _without_overlaps(frames: Frames, step: int) -> Frames:
-    """Drops frames that overlap others: the one that joins its neighbours stays, else the earlier."""
+    """Drop frames that overlap others: the one that joins its neighbours stays, else the earlier."""
     start, end = frames.offset, frames.end
     if start.size < 2:
         return frames

@@ -119,7 +119,7 @@ class Tlog:
 
     @classmethod
     def open(cls, path: Path | str, *, any_file: bool = False) -> Tlog:
-        """Reads and checks the whole file; damage is listed in ``index.damage``.
+        """Read and check the whole file; damage is listed in ``index.damage``.
 
         Args:
             any_file: a file without a single good frame is opened too, with an empty index.
@@ -137,7 +137,7 @@ class Tlog:
         return cls(path, data, index)
 
     def packet(self, row: int) -> Packet:
-        """The record in one row of the index."""
+        """Return the record in one row of the index."""
         start = int(self.index.offset[row])
         return Packet(int(self.index.t_us[row]), self._data[start : start + int(self.index.length[row])].tobytes())
 
@@ -199,7 +199,7 @@ class Tlog:
         message_ids: Collection[int] | None = None,
         system_ids: Collection[int] | None = None,
     ) -> int:
-        """Writes a part of the log into a new file, with times as in the index, and returns the number of records.
+        """Write a part of the log into a new file, with times as in the index, and return the number of records.
 
         Raises:
             TlogError: the new file exists or cannot be written.

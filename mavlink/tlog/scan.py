@@ -33,7 +33,7 @@ LONGEST = 255 + 12 + SIGNATURE_LENGTH
 _UNKNOWN = -1
 _V1_IDS, _V1_ID, _V2_FLAGS = 256, 5, 2  # MAVLink 1's ids, their place in its header, that of MAVLink 2's flags
 _BATCH = 1 << 18  # candidates looked at at a time; a window of a log that is well holds as many
-_DENSE = 64  # a window with more magics than one in so many bytes is full of them; noise has one in 256
+_DENSE = 64  # a window with more magics than one in this many bytes is full of them; noise has one in 256
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,7 +51,7 @@ class Frames:
         return self.offset + self.length
 
     def select(self, index: NDArray[np.int64] | NDArray[np.bool_]) -> Frames:
-        """Some of the frames."""
+        """Return some of the frames."""
         return Frames(self.offset[index], self.length[index])
 
 
@@ -120,7 +120,7 @@ def _crc(data: Bytes, at: Ints, covered: int) -> tuple[NDArray[np.uint16], NDArr
 def _crcs(
     data: Bytes, at: Ints, payload: NDArray[np.uint8], magic: int
 ) -> tuple[NDArray[np.uint16], NDArray[np.uint16]]:
-    """The same for frames of any length, in groups of equal length."""
+    """Return the checksums of frames of any length, worked on in groups of equal length."""
     covered = payload.astype(np.uint16) + np.uint16(9 if magic == MAGIC_V2 else 5)
     order = np.argsort(covered, kind="stable")
     states, sent = np.empty(at.size, dtype=np.uint16), np.empty(at.size, dtype=np.uint16)
@@ -132,7 +132,7 @@ def _crcs(
 
 
 def _good_frames(data: Bytes, at: Ints, magic: int) -> Frames:
-    """Those of the candidate places where a good frame begins."""
+    """Return the candidate places where a good frame begins."""
     longest, extras, one, _ = _tables()
     at, length, ids, payload = _headers(data, at, magic)
     plausible = payload <= longest[np.minimum(ids, _ID_LIMIT - 1)]

@@ -22,7 +22,7 @@ class MessageInfo:
     name: str
     count: int
     rate_hz: float
-    """Over the span from its first to its last, 0 for a single one or a file without times."""
+    """Rate over the span from its first to its last, Hz; 0 for a single one or a file without times."""
     known: bool
     """False: not in the dialect, so neither its contents nor its sender are to be trusted."""
 
@@ -55,12 +55,12 @@ class TlogInfo:
 
     @property
     def span_s(self) -> float:
-        """From the earliest to the latest record; 0 in a file without times."""
+        """Duration from the earliest to the latest record, s; 0 in a file without times."""
         return 0.0 if self.time_source == "none" else (self.last_us - self.first_us) * 1e-6
 
 
 def info(tlog: Tlog) -> TlogInfo:
-    """Counts a log's records by sender and message."""
+    """Count a log's records by sender and message."""
     index = tlog.index
     return TlogInfo(
         first_us=int(index.t_us.min()),

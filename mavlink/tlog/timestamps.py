@@ -20,7 +20,7 @@ _ANY_CLOCK_US = 1 << 53  # the year 2255
 _FAR_US = 1 << 62
 _NEIGHBOURS = 4
 _SUPPORT = 2  # neighbours that must agree: a bit that flips in two stamps makes a pair, not a cluster
-_CLUSTER, _CLUSTER_SHARE = 8, 0.01  # so many stamps, and this share of all, are some sender's clock, not damage
+_CLUSTER, _CLUSTER_SHARE = 8, 0.01  # this many stamps, and this share of all, are some sender's clock, not damage
 
 
 def _dated(t_us: Ints) -> NDArray[np.bool_]:

@@ -178,7 +178,8 @@ class TlogWriter:
         return self._files[file].write(data, rows) if self._journal is None else self._journal.put(file, data, rows)
 
     def _note_step(self, before_us: int, number: int, data: bytes) -> None:
-        """One row: the first record stamped by the clock that was set, its time then, its offset, and by how much."""
+        """Write a row: the first record stamped by the clock that was set, its time then, its offset, and by how
+        much."""
         after_us, now_us = self._clock.offset_us, self._clock.now_us()
         was_us, is_us = now_us + before_us, now_us + after_us
         stamped_before = sum(abs(t_us - was_us) < abs(t_us - is_us) for t_us in _times(data))
@@ -194,7 +195,7 @@ class TlogWriter:
 
 
 def _table(log: Path, form: TableFormat, disk: Disk) -> AppendFile:
-    """A table beside a log."""
+    """Make a table beside a log."""
     return AppendFile(
         log.with_name(form.name), header=form.header.encode(), ram_bytes=_TABLE_RAM_BYTES, lazy=True, disk=disk
     )

@@ -26,11 +26,7 @@ class HeartbeatTimer:
         self._due_s = 0.0
 
     def poll(self, now_s: float) -> bytes | None:
-        """The heartbeat when one is due.
-
-        Args:
-            now_s: monotonic seconds.
-        """
+        """The heartbeat when one is due."""
         if now_s < self._due_s:
             return None
         self._due_s = now_s + HEARTBEAT_S
@@ -38,23 +34,14 @@ class HeartbeatTimer:
 
 
 class TimeSyncTimer:
-    """A TIMESYNC request every few seconds; :mod:`mavlink.estimation.clock_health` reads the answers.
-
-    Args:
-        encoder: this station's.
-    """
+    """A TIMESYNC request every few seconds; :mod:`mavlink.estimation.clock_health` reads the answers."""
 
     def __init__(self, encoder: MavlinkEncoder) -> None:
         self._encoder = encoder
         self._due_s = 0.0
 
     def poll(self, now_s: float, unix_ns: int) -> bytes | None:
-        """A request when one is due: tc1 = 0, ts1 = our clock.
-
-        Args:
-            now_s: monotonic seconds.
-            unix_ns: our clock.
-        """
+        """A request when one is due: tc1 = 0, ts1 = our clock."""
         if now_s < self._due_s:
             return None
         self._due_s = now_s + TIMESYNC_S

@@ -48,7 +48,7 @@ UAV_RATES: Mapping[int, float] = {
 }
 """message id → Hz that the UAV has to send for vehicles to be identified in the video."""
 UGV_RATES: Mapping[int, float] = {GLOBAL_POSITION_INT: 5.0}
-"""The same for a ground vehicle."""
+"""Equivalent of ``UAV_RATES`` for a ground vehicle."""
 
 _DENIED, _UNSUPPORTED, _FAILED = 2, 3, 4
 """MAV_RESULT of a request that was rejected."""
@@ -61,15 +61,15 @@ WINDOW_S = 3.0
 ANSWER_S = 1.0
 """An answer that has not come within this is lost."""
 LASTS_S = 5.0
-"""A rate is low for so long before it is reported: a pause of the link is in what is measured for three seconds."""
+"""A rate is low for this long before it is reported: a pause of the link is in what is measured for three seconds."""
 CALM_S = 30.0
 """Time that it must be better before the next report, or one near the limit would be a line every ten seconds."""
 AGAIN_S = 4.0
 """Seconds between two requests for one message: its rate has to be measured meanwhile."""
 BEHIND_S = 10.0
-"""For so long after a packet that was rejected as replayed a link's rates are not judged."""
+"""Time after a packet that was rejected as replayed in which a link's rates are not judged."""
 PAUSE_S = 1.5
-"""A link that brings nothing at all for so long is interrupted: that is no sign of a low rate."""
+"""A link that brings nothing at all for this long is interrupted: that is no sign of a low rate."""
 LOSS_MEMORY = 50.0
 """Packets over which the loss of a link is measured: a few seconds."""
 LOSSY = 0.1
@@ -77,15 +77,13 @@ LOSSY = 0.1
 _WHERE_THERE_IS_ONE = frozenset({GIMBAL_ATTITUDE, SYSTEM_TIME, DISTANCE_SENSOR, TERRAIN_REPORT})
 """Messages of equipment that a vehicle need not have: one that never came is not reported."""
 _REBOOT_MS, _YOUNG_MS = 2000, 60_000
-"""A boot time that is so much less than before, and less than a minute, is one after a reboot."""
+"""A boot time that is this much less than before, and less than a minute, is one after a reboot."""
+State = Literal["ok", "measuring", "asked", "refused", "not reached", "too slow"]
 
 
 def uav_rates(*, gimbal: bool) -> Mapping[int, float]:
     """Rates wanted of a UAV, with those of its gimbal where it reports the camera's direction."""
     return UAV_RATES if gimbal else {message: hz for message, hz in UAV_RATES.items() if message != GIMBAL_ATTITUDE}
-
-
-State = Literal["ok", "measuring", "asked", "refused", "not reached", "too slow"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -117,13 +115,14 @@ class _MessageStream:
         self.restart()
 
     def restart(self) -> None:
-        """Begin anew, as if it was never requested."""
+        """Begin again, as if it was never requested."""
         self.tries = 0
         self.due_s = 0.0
         self.rejected = False
 
     def hz(self, now_s: float) -> float:
-        """Over the last seconds: by the intervals, but no more than by the count, which falls when a stream ends."""
+        """Rate over the last seconds, Hz: by the intervals, but no more than by the count, which falls when a stream
+        ends."""
         while self.arrivals and self.arrivals[0] < now_s - WINDOW_S:
             self.arrivals.popleft()
         count = len(self.arrivals)
@@ -147,7 +146,7 @@ class _VehicleLink:
         self.requested_s = -math.inf
 
     def restart(self, now_s: float) -> None:
-        """After a reboot or a silence everything may have to be requested again."""
+        """Forget the answers: after a reboot or a silence everything may have to be requested again."""
         self.since_s, self.requested = now_s, None
         for stream in self.streams.values():
             stream.restart()
@@ -184,11 +183,7 @@ class MessageRates:
         self._low_rates: dict[tuple[int, int, str], Hysteresis] = {}
 
     def add_wanted(self, message_id: int, hz: float) -> None:
-        """Adds a message that is wanted of the UAV from now on.
-
-        Args:
-            message_id: which.
-        """
+        """Add a message that is wanted of the UAV from now on."""
         with self._lock:
             self._wanted[self._uav] = {**self._wanted[self._uav], message_id: hz}
             for (system_id, _), peer in self._peers.items():
@@ -203,11 +198,7 @@ class MessageRates:
             self._peers = {key: peer for key, peer in self._peers.items() if key[0] in self._wanted}
 
     def add_packet(self, packet: Packet, now_s: float) -> None:
-        """Counts a packet, and reads the UAV's answers.
-
-        Args:
-            now_s: monotonic seconds.
-        """
+        """Count a packet, and read the UAV's answers."""
         wanted = self._wanted.get(packet.system_id)
         if wanted is None:
             return

@@ -37,7 +37,7 @@ _SET_MESSAGE_INTERVAL = 511
 
 
 def interval_request(encoder: MavlinkEncoder, system_id: int, message_id: int, hz: float) -> bytes:
-    """Requests one message of an autopilot."""
+    """Request one message of an autopilot."""
     return encoder.pack(
         ardupilotmega.MAVLink_command_long_message(
             system_id, 1, _SET_MESSAGE_INTERVAL, 0, message_id, round(1e6 / hz), 0, 0, 0, 0, 0
@@ -46,7 +46,7 @@ def interval_request(encoder: MavlinkEncoder, system_id: int, message_id: int, h
 
 
 def stream_request(encoder: MavlinkEncoder, system_id: int, message_id: int, hz: float) -> bytes:
-    """Requests the stream that a message belongs to."""
+    """Request the stream that a message belongs to."""
     rate = max(1, math.ceil(hz))
     return encoder.pack(ardupilotmega.MAVLink_request_data_stream_message(system_id, 1, STREAMS[message_id], rate, 1))
 

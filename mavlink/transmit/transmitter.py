@@ -27,7 +27,7 @@ _HEARTBEAT, _TIMESYNC, _SETUP_SIGNING = 0, 111, 256
 _SHORTEST_V2 = 12
 """Bytes of a MAVLink 2 frame without payload."""
 REACHABLE_US = 10_000_000
-"""For how long after its last packet the UAV is sent to on a link."""
+"""Time for which the UAV is sent to on a link after its last packet there."""
 
 WriteFrame = Callable[[int, int, bytes], None]
 
@@ -79,7 +79,7 @@ class Transmitter:
         self._addresses: dict[int, tuple[int, int]] = {}
         """Link → peer and time of the UAV's last packet."""
         self._held: dict[int, tuple[int, int]] = {}
-        """The same of its packets that are held."""
+        """Link → peer and time of the UAV's last held packet."""
         self._others: set[int] = set()
         self._rejected: Counter[str] = Counter()
         self.count = 0
@@ -97,7 +97,7 @@ class Transmitter:
         return [link for _, link in sorted(recent, reverse=True)]
 
     def note_packet(self, packet: Packet) -> None:
-        """Learns from a received packet where the UAV is, and where only others are.
+        """Learn from a received packet where the UAV is, and where only others are.
 
         Where the UAV's packets are held because nothing proves that they are made now, it gets heartbeats and nothing
         else: an autopilot that receives one raises the timestamps of its signatures to that of ours.
@@ -112,7 +112,7 @@ class Transmitter:
             self._others.add(packet.link)
 
     def send(self, raw: bytes, link: int | None = None) -> bool:
-        """Sends a frame if it may leave.
+        """Send a frame if it may leave.
 
         Args:
             raw: unsigned MAVLink 2; its sequence number is replaced by the station's own.
@@ -133,7 +133,7 @@ class Transmitter:
             return self._send_to(raw, link, self._addresses[link][0])
 
     def broadcast(self, raw: bytes) -> int:
-        """Sends a frame on every link on which the UAV is received, a heartbeat also where the station is announced.
+        """Send a frame on every link on which the UAV is received, a heartbeat also where the station is announced.
 
         Returns:
             On how many links it left.
@@ -172,7 +172,7 @@ def _recent(addresses: Mapping[int, tuple[int, int]]) -> dict[int, tuple[int, in
 
 
 def _with_sequence(raw: bytes, seq: int) -> bytes:
-    """The same frame with another sequence number."""
+    """Return the frame with another sequence number."""
     body = raw[:4] + bytes([seq]) + raw[5:]
     extra = DEFINITIONS[Packet(0, raw).message_id][1]
     return body[:-2] + checksum(body, extra).to_bytes(2, "little")

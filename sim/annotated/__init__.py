@@ -1,1 +1,2 @@
-"""Annotated films of others under simulated telemetry: labels and the camera's motion in, an ordinary session out."""
+"""Annotated films from public data sets under simulated telemetry: labels and the camera's motion in, an ordinary
+session out."""

@@ -26,10 +26,10 @@ FOV_DEG = 65.0
 CAR_M = (4.5, 1.8, 1.5)
 """Length, width and height of an ordinary car."""
 SHALLOWEST_DEG, STRAIGHT_DOWN_DEG = 12.0, 85.0
-"""A camera that is guessed looks down at least so far; from so far on, straight down."""
+"""Least pitch downwards of a camera that is guessed, and the one from which on it looks straight down."""
 LOWEST_M, HIGHEST_M = 3.0, 500.0
 """Heights that the simulator takes."""
-MOST_LABELS = 200
+MAX_LABELS = 200
 """Number of labels looked at, the first ones: five cars for some seconds, within which a camera climbs little."""
 ROUNDS = 4
 """Rounds of the guess, each with the sizes that a car has at the tilt of the one before."""
@@ -37,14 +37,14 @@ ROUNDS = 4
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class GuessedCamera:
-    """A camera over level ground, and in words where its numbers are from."""
+    """A camera over level ground."""
 
     height_m: float
     fov_deg: float
     pitch_deg: float
     """Pitch of the optical axis, −90 straight down."""
     focal_px: float
-    said: tuple[str, ...]
+    sources: tuple[str, ...]
 
 
 def guess_camera(
@@ -80,12 +80,12 @@ def guess_camera(
             f"by its vehicles' sizes the film was taken from {height:.0f} m, which no camera drone flies at; "
             "give --height, --fov and --pitch"
         )
-    said = (
+    sources = (
         f"height {height:.1f} m, {'from the size of vehicles' if height_m is None else 'as given'}",
         f"field of view {fov:g}°, {'assumed' if fov_deg is None else 'as given'}",
         f"pitch {pitch:.1f}°, {'from how sizes change down the picture' if pitch_deg is None else 'as given'}",
     )
-    return GuessedCamera(height_m=height, fov_deg=fov, pitch_deg=pitch, focal_px=float(focal), said=said)
+    return GuessedCamera(height_m=height, fov_deg=fov, pitch_deg=pitch, focal_px=float(focal), sources=sources)
 
 
 def _sizes(tracks: AnnotatedTracks, size: tuple[int, int]) -> tuple[FloatArray, FloatArray]:
@@ -98,7 +98,7 @@ def _sizes(tracks: AnnotatedTracks, size: tuple[int, int]) -> tuple[FloatArray, 
     whole = chosen[room[chosen] > 1.0]
     chosen = whole if len(whole) else chosen if len(chosen) else np.arange(len(tracks))
     # labels are in the order of images, and the camera is wanted as it was at the first
-    chosen = chosen[:MOST_LABELS]
+    chosen = chosen[:MAX_LABELS]
     return tracks.centre[chosen, 1], hull[chosen].max(axis=1)
 
 

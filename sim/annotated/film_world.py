@@ -30,6 +30,9 @@ from sim.world.scenario import Scenario, ScenarioCamera, ScenarioFlight, Scenari
 from sim.world.view import CameraView, Scene, project, ray_ground
 from sim.world.world import LEAD_S, TAIL_S, World, random_stream
 
+IntArray = NDArray[np.int64]
+FloatArray = NDArray[np.float64]
+
 GRID = 5
 """Points across and down the image at which two poses are compared."""
 PIXEL_STD = 1.0
@@ -37,17 +40,32 @@ PIXEL_STD = 1.0
 LEVEL_STD = np.radians(2.0)
 """1σ by which a camera that is held level strays from its tilt, rad."""
 FARTHEST = 8.0
-"""Ground that is so many heights away is too near the horizon to compare poses by."""
-LEAST_POINTS = 6
+"""Ground that is this many heights away is too near the horizon to compare poses by."""
+MIN_POINTS = 6
 """Points of the ground that two images must share."""
 FAR_OFF = 1e4
-"""A point that a pose does not show counts as so many px off, and none as more."""
-MOST_CLIMB = 1.5
-"""From one image to the next no camera gets so much higher or lower: a homography that says so is wrong."""
+"""A point that a pose does not show counts as this many px off, and none as more."""
+MAX_CLIMB = 1.5
+"""Most height that a camera gains or loses from one image to the next, as a factor: a homography that says more is
+wrong."""
 SPEED_SPAN_S = 1.0
-"""Over which the reported speed of the UAV is taken."""
-MOST_TRIES = 60
+"""Time over which the reported speed of the UAV is taken."""
+MAX_TRIES = 60
 """Maximum tries of poses for one image, derivatives included; ten are common."""
+LABEL_STD_PX = 1.5
+"""1σ of a label's centre, px, as of those drawn by hand and interpolated."""
+UNSTEADINESS = 1.0
+"""Spectral density of the acceleration of a car in traffic, m²/s³: it changes its speed by 1 m/s within a second."""
+MIN_FOR_SPLINE = 5
+"""Labels that a smoothing spline needs; fewer get a straight line."""
+MIN_SPEED_MPS = 1.0
+"""Speed below which the path does not tell where a vehicle points, so its heading is held, m/s."""
+MOVED_LENGTHS = 2.0
+"""A vehicle that came this many car lengths away from where it began has moved."""
+CAR_LENGTH_M = 4.5
+"""Length of an ordinary car."""
+END_SPEED_S = 0.5
+"""Time at the first and last label over which a vehicle's speed before and after them is taken."""
 
 
 def hovering(scenario: Scenario, t: FloatArray) -> UavMotion:
@@ -79,7 +97,7 @@ def _next_pose(scenario: Scenario, before: FloatArray, H: FloatArray, uv: FloatA
     near = np.linalg.norm(ground[:, :2] - before[:2], axis=1) < FARTHEST * height
     homogeneous = np.column_stack([uv, np.ones(len(uv))]) @ H.T
     near &= homogeneous[:, 2] > 0.0
-    if np.count_nonzero(near) < LEAST_POINTS:
+    if np.count_nonzero(near) < MIN_POINTS:
         return before
     ground, wanted = ground[near], homogeneous[near, :2] / homogeneous[near, 2:]
 
@@ -89,9 +107,9 @@ def _next_pose(scenario: Scenario, before: FloatArray, H: FloatArray, uv: FloatA
         return np.concatenate([off.ravel(), pose[4:] / LEVEL_STD])
 
     scale = [height, height, height, 1.0, 1.0, 1.0]
-    found = least_squares(residuals, before, method="lm", x_scale=scale, max_nfev=MOST_TRIES)
-    told = bool(np.isfinite(found.x).all()) and 1.0 / MOST_CLIMB < found.x[2] / height < MOST_CLIMB
-    return np.asarray(found.x) if told else before
+    found = least_squares(residuals, before, method="lm", x_scale=scale, max_nfev=MAX_TRIES)
+    plausible = bool(np.isfinite(found.x).all()) and 1.0 / MAX_CLIMB < found.x[2] / height < MAX_CLIMB
+    return np.asarray(found.x) if plausible else before
 
 
 def _grid(scenario: Scenario) -> FloatArray:
@@ -118,24 +136,6 @@ def _motion(t: FloatArray, poses: FloatArray) -> UavMotion:
     return UavMotion(t=t, values=np.column_stack([poses[:, :3], v, poses[:, 3:]]), wobble=np.empty((0, 3)))
 
 
-IntArray = NDArray[np.int64]
-
-LABEL_STD_PX = 1.5
-"""1σ of a label's centre, px, as of those drawn by hand and interpolated."""
-UNSTEADINESS = 1.0
-"""Spectral density of the acceleration of a car in traffic, m²/s³: it changes its speed by 1 m/s within a second."""
-LEAST_FOR_SPLINE = 5
-"""Labels that a smoothing spline needs; fewer get a straight line."""
-LEAST_SPEED_MPS = 1.0
-"""Speed below which the path does not tell where a vehicle points, so its heading is held, m/s."""
-MOVED_LENGTHS = 2.0
-"""A vehicle that came so many car lengths away from where it began has moved."""
-CAR_LENGTH_M = 4.5
-"""Length of an ordinary car."""
-END_SPEED_S = 0.5
-"""Before the first and after the last label a vehicle keeps its mean speed of so long."""
-
-
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class GroundTrack:
     """One vehicle's k labels on the ground."""
@@ -155,12 +155,12 @@ class GroundTrack:
     def moved(self) -> bool:
         """True if it came away from where it began by more than labels err."""
         away = np.linalg.norm(self.xy - self.xy[0], axis=1)
-        return bool(np.median(np.sort(away)[-LEAST_FOR_SPLINE:]) > MOVED_LENGTHS * CAR_LENGTH_M)
+        return bool(np.median(np.sort(away)[-MIN_FOR_SPLINE:]) > MOVED_LENGTHS * CAR_LENGTH_M)
 
     def at(self, t: FloatArray) -> FloatArray:
         """(T, 2) the smooth path at times t (T,); straight on before the first label and after the last."""
         first, last = float(self.t[0]), float(self.t[-1])
-        path = _line(self) if len(self.t) < LEAST_FOR_SPLINE else _spline(self)
+        path = _line(self) if len(self.t) < MIN_FOR_SPLINE else _spline(self)
         inside = np.clip(t, first, last)
         span = min(END_SPEED_S, last - first)
         if span == 0.0:
@@ -213,7 +213,7 @@ def ground_motion(tracks: list[GroundTrack], grid: FloatArray) -> Motion:
 
 def _heading(v: FloatArray, speed: FloatArray) -> FloatArray:
     """(T,) radians clockwise from north, unwrapped; between times of driving turned evenly."""
-    driving = np.flatnonzero(speed > LEAST_SPEED_MPS)
+    driving = np.flatnonzero(speed > MIN_SPEED_MPS)
     if not len(driving):
         return np.full(len(speed), np.nan)
     turned = np.unwrap(np.arctan2(v[driving, 0], v[driving, 1]))
@@ -233,9 +233,6 @@ def _line(track: GroundTrack) -> Callable[[FloatArray], FloatArray]:
     return lambda t: np.moveaxis(np.polynomial.polynomial.polyval(t - first, c), 0, -1)
 
 
-FloatArray = NDArray[np.float64]
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FilmWorld:
     """World that was made of a film."""
@@ -243,9 +240,9 @@ class FilmWorld:
     world: World
     """World of the team alone; the others are seen and report nothing."""
     team: tuple[GroundTrack, ...]
-    """In the order of the world's vehicles."""
+    """Tracks of our vehicles, in the order of the world's."""
     labelled: tuple[GroundTrack, ...]
-    """All that are labelled and stand on the ground."""
+    """Tracks that are labelled and stand on the ground."""
 
     @property
     def vehicles(self) -> int:

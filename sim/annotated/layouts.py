@@ -1,6 +1,6 @@
 """Annotated tracks in the layouts of public data sets.
 
-A layout is told by the file's first line, its name, and what stands in its columns:
+A layout is recognised by the file's first line, its name, and what stands in its columns:
 
     csv       a header with frame, id (or track_id), x1,y1,...,x4,y4 and, if known, class (class_id): corners in px, in
               order round the box, frames from 0. DRIFT's tables are of this kind, further columns are not used;
@@ -35,9 +35,9 @@ from infra.text_numbers import number
 from sim.annotated.tracks import AnnotatedTracks, upright_corners
 from sim.errors import AnnotationError, UnusedLabelError
 
-MOST_BYTES = 1 << 30
+MAX_BYTES = 1 << 30
 """A label file has some ten million rows at most."""
-MOST_NUMBER = 2**53
+MAX_NUMBER = 2**53
 """Maximum number of an image or a vehicle: up to here floating point has every whole number."""
 LAYOUTS = ("csv", "mot", "visdrone", "uavdt")
 CORNER_COLUMNS = ("x1", "y1", "x2", "y2", "x3", "y3", "x4", "y4")
@@ -50,6 +50,7 @@ WORDS = {"lorry": "truck", "trailer": "truck", "minibus": "van"}
 NOT_VEHICLES = {"person", "pedestrian", "people", "bicycle", "cyclist", "motor", "motorcycle", "tricycle"}
 VISDRONE_HEAVY, UAVDT_LARGE, MOT_HALF = 2, 4, 0.5
 """Occlusion from which a label says that more than half is hidden; in MOT the visible share."""
+_Rows = Sequence[Sequence[str]]
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,12 +58,11 @@ class _VehicleLabel:
     frame: int
     track: int
     box: tuple[float, ...]
-    """Left, top, width and height, or eight numbers of four corners."""
+    """Box as left, top, width and height, or eight numbers of four corners."""
     kind: str
     hidden: bool
 
 
-_Rows = Sequence[Sequence[str]]
 _Parser = Callable[[Sequence[str]], _VehicleLabel]
 
 
@@ -77,7 +77,7 @@ def read_tracks(path: Path, layout: str = "auto", first_frame: int | None = None
         AnnotationError: no such file, no layout that is known, or not one row that can be used.
     """
     try:
-        lines = read_small(path, MOST_BYTES).decode("utf-8-sig", errors="replace").splitlines()
+        lines = read_small(path, MAX_BYTES).decode("utf-8-sig", errors="replace").splitlines()
     except (OSError, ValueError) as error:
         raise AnnotationError(
             f"{path}: cannot be read: {getattr(error, 'strerror', None) or error}; give a file of labels"
@@ -85,7 +85,7 @@ def read_tracks(path: Path, layout: str = "auto", first_frame: int | None = None
     rows = [row for row in csv.reader(lines, delimiter=_delimiter(lines)) if any(cell.strip() for cell in row)]
     if not rows:
         raise AnnotationError(f"{path}: no label in it")
-    layout = _told_by(rows, path) if layout == "auto" else layout
+    layout = _recognised_layout(rows, path) if layout == "auto" else layout
     first = (0 if layout == "csv" else 1) if first_frame is None else first_frame
     parse = _PARSERS[layout](rows, path)
     found, left_out = _parsed(rows[1:] if layout == "csv" else rows, parse, first)
@@ -141,8 +141,8 @@ def _delimiter(lines: Sequence[str]) -> str:
     return next((mark for mark in (",", ";", "\t") if mark in first), " ")
 
 
-def _told_by(rows: _Rows, path: Path) -> str:
-    """The layout of a file's rows.
+def _recognised_layout(rows: _Rows, path: Path) -> str:
+    """Recognise the layout of a file by its rows.
 
     Raises:
         AnnotationError: none that is known.
@@ -211,7 +211,7 @@ def _mot_parser(rows: _Rows, path: Path) -> _Parser:
     classed = all(name.isdigit() and name != "0" for name in classes)
     kinds: dict[int, str] | None = None
     if names.is_file():
-        words = read_small(names, MOST_BYTES).decode("utf-8", errors="replace").splitlines()
+        words = read_small(names, MAX_BYTES).decode("utf-8", errors="replace").splitlines()
         kinds = {number: word.strip().lower() for number, word in enumerate(words, start=1)}
     elif classed and len(classes) > 1:
         kinds = MOT16_KINDS
@@ -264,7 +264,7 @@ def _frame_and_track(numbers: Sequence[float]) -> tuple[int, int]:
 
 
 def _whole_number(value: float) -> int:
-    if not (value.is_integer() and 0.0 <= value < MOST_NUMBER):
+    if not (value.is_integer() and 0.0 <= value < MAX_NUMBER):
         raise ValueError("not the number of an image or a vehicle")
     return int(value)
 

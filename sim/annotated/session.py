@@ -19,6 +19,22 @@ FloatArray = NDArray[np.float64]
 
 LABEL_SCORE = 0.9
 """Score of a label that takes a detection's place: that of a clear one."""
+ATTRIBUTES = (
+    "daylight",
+    "night",
+    "fog",
+    "low-alt",
+    "medium-alt",
+    "high-alt",
+    "front-view",
+    "side-view",
+    "bird-view",
+    "long-term",
+)
+"""Attributes of a label, 0 or 1 each, in this order."""
+MAX_BYTES = 1000
+FOLDERS_UP = 3
+"""Levels above the labels at which the folder M_attr is looked for."""
 
 
 def write_film_session(
@@ -59,24 +75,6 @@ def write_film_session(
             (made / DETECTIONS.name).write_bytes("".join(detections).encode())
 
 
-ATTRIBUTES = (
-    "daylight",
-    "night",
-    "fog",
-    "low-alt",
-    "medium-alt",
-    "high-alt",
-    "front-view",
-    "side-view",
-    "bird-view",
-    "long-term",
-)
-"""One 0 or 1 each, in this order."""
-MOST_BYTES = 1000
-FOLDERS_UP = 3
-"""Levels above the labels at which the folder M_attr is looked for."""
-
-
 def read_attributes(labels: Path) -> tuple[str, ...]:
     """The attributes that hold of a film, empty where there is no such file.
 
@@ -90,7 +88,7 @@ def read_attributes(labels: Path) -> tuple[str, ...]:
         folders += [above / "M_attr", above / "M_attr" / "train", above / "M_attr" / "test"]
     for folder in folders:
         try:
-            cells = read_small(folder / name, MOST_BYTES).decode("ascii", errors="replace").replace(",", " ").split()
+            cells = read_small(folder / name, MAX_BYTES).decode("ascii", errors="replace").replace(",", " ").split()
         except (OSError, ValueError):
             continue
         return tuple(word for word, cell in zip(ATTRIBUTES, cells, strict=False) if cell == "1")

@@ -52,7 +52,7 @@ class AnnotatedTracks:
         return np.column_stack([self.centre, np.where(swapped, b, a), np.where(swapped, a, b), angle])
 
     def select(self, chosen: NDArray[np.bool_], reason: str) -> AnnotatedTracks:
-        """Those of a mask (m,); the others count as left out for that reason."""
+        """Return the tracks of a mask (m,); the others count as left out for that reason."""
         dropped = int(np.count_nonzero(~chosen))
         return AnnotatedTracks(
             layout=self.layout,

@@ -25,7 +25,7 @@ from sim.faults.fleet_faults import AGL_M, SimulatedFleet, SimulatedSender, plac
 BATCH_S = 0.1
 """Datagrams are computed in spans of this length: a choice between memory and calls of numpy."""
 REPLAY_AFTER_S = 10.0
-"""A recorded frame is sent again after so long; a choice, well above any delay of a link."""
+"""Time after which a recorded frame is sent again; a choice, well above any delay of a link."""
 COPTER_GUIDED, ROVER_AUTO, ARMED_CUSTOM, ACTIVE = 4, 10, 129, 4
 """HEARTBEAT: ArduPilot's custom modes Guided (Copter) and Auto (Rover), base mode armed with a custom mode,
 MAV_STATE_ACTIVE."""
@@ -61,7 +61,7 @@ HOSTILE_TEXTS: Final = (
     "{}%s{0}$(x)`x`\\'\"<>&;|",
     "W" * 50,
 )
-"""Each goes into a STATUSTEXT as its first 50 bytes of UTF-8."""
+"""Texts that each go into a STATUSTEXT as their first 50 bytes of UTF-8."""
 BOOT_WORDS: Final = (b"\n\nInit ArduRover V4.6.0\n\nFree RAM: 131072\n", b"Init Gyro", b"*", b"0 ")
 """Plain text, as autopilots send it before their first packet."""
 
@@ -124,7 +124,7 @@ class SenderEncoder:
 
 @dataclass(frozen=True, slots=True, order=True)
 class ScheduledDatagram:
-    """One thing to send; no bytes: the outlet gets a new source port."""
+    """Datagram to send; no bytes: the outlet gets a new source port."""
 
     t_s: float
     order: int
@@ -135,7 +135,7 @@ class ScheduledDatagram:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FaultTraffic:
-    """Rates of each kind of packet."""
+    """Traffic that is to be sent: of which fleet, and how much of each kind."""
 
     fleet: SimulatedFleet
     rate_hz: float
@@ -152,7 +152,7 @@ class FaultTraffic:
 
 
 def traffic(plan: FaultTraffic, start_us: int) -> Iterator[ScheduledDatagram]:
-    """Everything, without end, by time since the start.
+    """Yield all datagrams in order of time since the start, without end.
 
     Args:
         start_us: Unix time of the start.
@@ -163,7 +163,7 @@ def traffic(plan: FaultTraffic, start_us: int) -> Iterator[ScheduledDatagram]:
 
 
 class _SenderCounters:
-    """The senders' counters."""
+    """Encoders, boot times and next packets of all senders, from which each span's datagrams are made."""
 
     def __init__(self, plan: FaultTraffic, start_us: int) -> None:
         self._plan, self._start_us = plan, start_us
@@ -179,7 +179,7 @@ class _SenderCounters:
         self._good = b"\xfd\x09"
 
     def batch(self, from_s: float, until_s: float) -> list[ScheduledDatagram]:
-        """Everything of a tenth of a second."""
+        """Return the datagrams of a span of time in their order."""
         due = self._vehicles(until_s) + self._extras(from_s, until_s)
         while self._later and self._later[0].t_s < until_s:
             due.append(heapq.heappop(self._later))

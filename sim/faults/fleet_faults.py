@@ -19,8 +19,8 @@ FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
 LIES = ("zero", "prefix", "jump", "nan", "other", "altitude")
-"""No fix as 0/0; as ArduPilot before its first fix; 500 m away for a second of five; impossible numbers; in the place
-of the next vehicle; 600 m too high."""
+"""Kinds of false positions: no fix as 0/0; as ArduPilot before its first fix; 500 m away for a second of five;
+impossible numbers; in the place of the next vehicle; 600 m too high."""
 LIE_AFTER_S = 5.0
 """True positions are reported until then: a receiver has a position that the false ones contradict."""
 ORIGIN_DEG, ALTITUDE_M, AGL_M = (47.397742, 8.545594), 488.0, 40.0
@@ -31,7 +31,7 @@ SPACING_M = 30.0
 GO_S, REST_S = 8.0, 4.0
 """Seconds of ``stop_and_go``: drive, then stand still; a choice."""
 SILENT_S = 1.3
-"""A reboot takes so long."""
+"""A reboot takes this long."""
 _INT32_MAX = 2**31 - 1
 """Greatest value of an int32 field; as degrees it is no place on the globe."""
 
@@ -49,7 +49,7 @@ class SimulatedSender:
     reboot_s: float = math.inf
     move_port_s: float = math.inf
     label: str = ""
-    """Under which its packets are counted."""
+    """Name under which its packets are counted."""
 
     def boot_ms(self, t: float, before_s: float) -> int:
         """Milliseconds since its last boot; the first was ``before_s`` before the start."""

@@ -37,10 +37,6 @@ class Exposure:
 def expose(image: Image, exposure: Exposure, rng: np.random.Generator) -> Image:
     """The image the camera makes of a scene.
 
-    Args:
-        image: (H, W, 3) BGR.
-        exposure: the camera's habits.
-
     Returns:
         (H, W, 3) BGR, a new array.
     """

@@ -61,7 +61,7 @@ class Sheet:
             cv2.polylines(self.rough, points, closed, 255.0 * rough, thick, cv2.LINE_8, SHIFT)
 
     def dashes(self, line: FloatArray, on_m: float, off_m: float, color: Color, width_m: float) -> None:
-        """A broken line."""
+        """Draw a broken line."""
         s = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(line, axis=0), axis=1))])
         at = np.arange(0.0, s[-1], on_m + off_m)[:, None] + np.linspace(0.0, on_m, 3)
         self.lines(list(np.stack([np.interp(at, s, line[:, k]) for k in (0, 1)], axis=-1)), color, width_m)

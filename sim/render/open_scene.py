@@ -10,7 +10,7 @@ from sim.world.view import Road, Scene
 
 
 def random_scene(rng: np.random.Generator) -> Scene:
-    """Up to four roads crossing open ground of a hundred metres, or none."""
+    """Draw a scene of up to four roads that cross open ground of a hundred metres, or none."""
     roads = []
     for _ in range(int(rng.choice([0, 1, 2, 3, 4]))):
         bearing, offset, bend = rng.uniform(0.0, np.pi), rng.uniform(-30.0, 30.0), rng.normal(0.0, 0.004)

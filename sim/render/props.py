@@ -14,6 +14,21 @@ import numpy as np
 from sim.world.bodies import AMBER, DARK, PAINT, SKIN, STEEL, TYRE, WHITE, Block, Color, Model
 from sim.world.road_vehicles import paint, shade
 
+PLASTER: tuple[Color, ...] = (
+    (200.0, 215.0, 225.0),
+    (160.0, 180.0, 200.0),
+    (90.0, 110.0, 165.0),
+    (120.0, 150.0, 190.0),
+    (150.0, 150.0, 150.0),
+)
+"""BGR of walls: white, cream, brick, ochre, concrete."""
+TILES: tuple[Color, ...] = ((60.0, 75.0, 150.0), (55.0, 60.0, 75.0), (80.0, 90.0, 120.0), (110.0, 110.0, 115.0))
+"""BGR of roofs: red and brown tiles, slate, weathered."""
+FLAT_ROOFS: tuple[Color, ...] = ((70.0, 72.0, 75.0), (150.0, 152.0, 155.0), (205.0, 208.0, 210.0), (85.0, 120.0, 105.0))
+"""BGR of flat roofs: felt, gravel, foil, plants."""
+PANE = 0.002
+"""Thickness of what lies flat on a roof, as a share of the height."""
+
 
 def building(rng: np.random.Generator) -> Model:
     """A flat roof with a parapet and units on it, or a gable."""
@@ -280,22 +295,6 @@ def animal(rng: np.random.Generator) -> Model:
         Block(x=(-0.5, 0.28), y=(-0.5, 0.5), z=(0.3, 1.0), corner=(0.12, 0.25), taper=(0.08, 0.05, 0.12)),
         Block(x=(0.25, 0.5), y=(-0.2, 0.2), z=(0.5, 0.95), corner=(0.08, 0.1), top=dark, sides=AMBER, layer=1),
     )
-
-
-PLASTER: tuple[Color, ...] = (
-    (200.0, 215.0, 225.0),
-    (160.0, 180.0, 200.0),
-    (90.0, 110.0, 165.0),
-    (120.0, 150.0, 190.0),
-    (150.0, 150.0, 150.0),
-)
-"""BGR of walls: white, cream, brick, ochre, concrete."""
-TILES: tuple[Color, ...] = ((60.0, 75.0, 150.0), (55.0, 60.0, 75.0), (80.0, 90.0, 120.0), (110.0, 110.0, 115.0))
-"""BGR of roofs: red and brown tiles, slate, weathered."""
-FLAT_ROOFS: tuple[Color, ...] = ((70.0, 72.0, 75.0), (150.0, 152.0, 155.0), (205.0, 208.0, 210.0), (85.0, 120.0, 105.0))
-"""BGR of flat roofs: felt, gravel, foil, plants."""
-PANE = 0.002
-"""Thickness of what lies flat on a roof, as a share of the height."""
 
 
 def house(rng: np.random.Generator) -> Model:

@@ -57,6 +57,30 @@ FIXED_KIND = 40
 """First kind of those with a fixed entry; above every kind of a random catalogue, which begin at ``FIRST_KIND``."""
 Range = tuple[float, float]
 Draw = Callable[[np.random.Generator], Model]
+Entry = tuple[str, float, Range, Range, Range, Draw]
+HEAVY: tuple[Entry, ...] = (
+    ("bus", 0.3, (7.0, 13.5), (2.3, 2.6), (2.7, 3.4), bus),
+    ("articulated bus", 0.15, (16.0, 24.0), (2.4, 2.65), (2.9, 3.5), articulated_bus),
+    ("lorry", 0.2, (6.0, 10.5), (2.1, 2.55), (2.6, 3.8), lorry),
+    ("trailer truck", 0.15, (14.0, 17.5), (2.45, 2.6), (3.3, 4.0), trailer_truck),
+    ("trailer", 0.2, (6.0, 13.7), (2.3, 2.6), (2.8, 4.0), trailer),
+    ("tram", 0.2, (14.0, 33.0), (2.3, 2.65), (3.1, 3.7), tram),
+)
+"""Road vehicles of depots and docks, in the same columns; sizes are those of common models, shares a choice."""
+URBAN: tuple[Entry, ...] = (
+    ("person", 0.35, (0.4, 1.0), (0.4, 0.75), (1.5, 1.9), pedestrian),
+    ("bicycle", 0.12, (1.6, 2.1), (0.5, 0.75), (1.1, 1.75), bicycle),
+    ("motorcycle", 0.18, (1.8, 2.3), (0.6, 0.9), (1.1, 1.75), motorcycle),
+    ("shelter", 0.25, (2.5, 7.0), (1.2, 2.2), (2.2, 2.8), shelter),
+    ("stall", 0.15, (1.5, 5.0), (1.2, 3.0), (2.0, 3.0), stall),
+    ("flag", 0.1, (0.8, 2.5), (0.1, 0.6), (3.0, 8.0), flag),
+    ("board", 0.15, (1.0, 5.0), (0.1, 0.5), (1.8, 5.0), board),
+    ("house", 0.25, (9.0, 32.0), (7.0, 12.0), (5.0, 12.0), house),
+    ("flats", 0.25, (9.0, 45.0), (8.0, 20.0), (4.0, 24.0), flats),
+)
+"""Distractors in towns, which must not be detected, in the same columns; sizes and shares are a choice."""
+PLAIN_SHARE = 0.2
+"""Share of kinds of road vehicles in a random catalogue of whose panes and fittings little is seen; a choice."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -102,7 +126,6 @@ def _passenger(shape: str) -> Draw:
     return lambda rng: passenger(rng, shape)
 
 
-Entry = tuple[str, float, Range, Range, Range, Draw]
 ROAD: tuple[Entry, ...] = (
     ("saloon", 0.25, (4.3, 5.1), (1.72, 1.95), (1.4, 1.52), _passenger("saloon")),
     ("hatchback", 0.18, (3.4, 4.4), (1.6, 1.85), (1.42, 1.6), _passenger("hatchback")),
@@ -141,33 +164,9 @@ CLUTTER: tuple[Entry, ...] = (
 )
 """Distractors, which must not be detected, in the same columns; sizes and shares are a choice."""
 
-HEAVY: tuple[Entry, ...] = (
-    ("bus", 0.3, (7.0, 13.5), (2.3, 2.6), (2.7, 3.4), bus),
-    ("articulated bus", 0.15, (16.0, 24.0), (2.4, 2.65), (2.9, 3.5), articulated_bus),
-    ("lorry", 0.2, (6.0, 10.5), (2.1, 2.55), (2.6, 3.8), lorry),
-    ("trailer truck", 0.15, (14.0, 17.5), (2.45, 2.6), (3.3, 4.0), trailer_truck),
-    ("trailer", 0.2, (6.0, 13.7), (2.3, 2.6), (2.8, 4.0), trailer),
-    ("tram", 0.2, (14.0, 33.0), (2.3, 2.65), (3.1, 3.7), tram),
-)
-"""Road vehicles of depots and docks, in the same columns; sizes are those of common models, shares a choice."""
-URBAN: tuple[Entry, ...] = (
-    ("person", 0.35, (0.4, 1.0), (0.4, 0.75), (1.5, 1.9), pedestrian),
-    ("bicycle", 0.12, (1.6, 2.1), (0.5, 0.75), (1.1, 1.75), bicycle),
-    ("motorcycle", 0.18, (1.8, 2.3), (0.6, 0.9), (1.1, 1.75), motorcycle),
-    ("shelter", 0.25, (2.5, 7.0), (1.2, 2.2), (2.2, 2.8), shelter),
-    ("stall", 0.15, (1.5, 5.0), (1.2, 3.0), (2.0, 3.0), stall),
-    ("flag", 0.1, (0.8, 2.5), (0.1, 0.6), (3.0, 8.0), flag),
-    ("board", 0.15, (1.0, 5.0), (0.1, 0.5), (1.8, 5.0), board),
-    ("house", 0.25, (9.0, 32.0), (7.0, 12.0), (5.0, 12.0), house),
-    ("flats", 0.25, (9.0, 45.0), (8.0, 20.0), (4.0, 24.0), flats),
-)
-"""Distractors in towns, which must not be detected, in the same columns; sizes and shares are a choice."""
 
-
-PLAIN_SHARE = 0.2
-"""Share of kinds of road vehicles in a random catalogue of whose panes and fittings little is seen; a choice."""
 _ENTRIES = (*ROAD, *ROVERS, *CLUTTER)
-"""Every entry, numbered from ``FIXED_KIND`` on."""
+"""Catalogue entries, numbered from ``FIXED_KIND`` on."""
 VEHICLES: tuple[int, ...] = (UGV, OTHER_VEHICLE, *range(FIXED_KIND, FIXED_KIND + len(ROAD) + len(ROVERS)))
 """Kinds of ``SIZES`` that are vehicles."""
 _OF_KIND: Mapping[int, Entry] = {

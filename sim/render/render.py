@@ -40,7 +40,7 @@ SHIFT = 4
 SKY = (214, 190, 168)
 """BGR above the horizon: a pale blue."""
 FAR = 6.0
-"""Beyond so many heights of the camera the ground is drawn wherever it comes from."""
+"""Number of heights of the camera beyond which the ground is drawn wherever it comes from."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

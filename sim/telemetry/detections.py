@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim.world.boxes import Boxes, in_image, true_boxes, visible_share
+from sim.world.motion import wrapped
 from sim.world.scenario import Scenario
 from sim.world.view import OCCLUDER, UGV, Bodies, CameraView
 from sim.world.world import World, random_stream
@@ -16,13 +17,15 @@ FloatArray = NDArray[np.float64]
 SCORE = 5
 """Column of the score."""
 HIDDEN_SHARE = 0.5
-"""Below this visible share a body is not detected, and is not in the truth of a rendered frame."""
+"""Visible share below which a body is not detected, and is not in the truth of a rendered frame."""
 WEAK_SCORES = (0.1, 0.29)
 """Range of scores that are too low to count."""
 SPREAD = 0.1
 """Share by which the distance of merging varies from frame to frame."""
 PARTS_APART = 0.4
 """Distance between the centres of a vehicle's front and rear, in its lengths; each is half as long as the whole."""
+_Span = tuple[int, float, float]
+"""A body, and the seconds from and until which a state of it lasts."""
 
 
 def merged_boxes(
@@ -206,11 +209,6 @@ def truth_rows(world: World, t: float, *, ours: bool = True) -> list[str]:
     ]
 
 
-def wrapped(angle: FloatArray) -> FloatArray:
-    """Angles in [−π, π)."""
-    return np.asarray((angle + np.pi) % (2.0 * np.pi) - np.pi)
-
-
 def _oriented(
     cx: FloatArray, cy: FloatArray, w: FloatArray, h: FloatArray, angle: FloatArray, score: FloatArray, no_front: bool
 ) -> FloatArray:
@@ -226,12 +224,8 @@ def _score(u: FloatArray, mean: float) -> FloatArray:
     return np.clip(mean + 0.2 * triangle, 0.05, 0.99)
 
 
-_Span = tuple[int, float, float]
-"""A body, and from when until when something is so of it, seconds."""
-
-
 def _during(spans: list[_Span], t: float, n: int) -> NDArray[np.bool_]:
-    """(n,) the bodies of which it is so at time t."""
+    """(n,) the bodies that are within one of their spans at time t."""
     now = np.zeros(n, dtype=bool)
     for body, start, stop in spans:
         now[body] |= start <= t < stop

@@ -11,6 +11,14 @@ from sim.world.flight import WOBBLE_STEP_S
 from sim.world.scenario import Gnss, ScenarioFault
 from sim.world.world import LEAD_S, TAIL_S, World, random_stream
 
+FloatArray = NDArray[np.float64]
+
+BIAS_STEP_S = 0.1
+"""Sampling of the position's bias, far below its correlation time."""
+RATE_STEP_S = 0.05
+"""Half the span of the central difference that gives rates; the true motion without wobble is smooth over it."""
+WANDER_TAU_S = 30.0
+"""Correlation time of the slow errors of attitude, as of a filter that weighs gyroscopes against the horizon."""
 FILTER_S = 0.6
 """Time constant with which an autopilot's filter follows its receiver."""
 OUTLIER_SHARE, OUTLIER_FACTOR = 1.0 / 25.0, 5.0
@@ -18,7 +26,7 @@ OUTLIER_SHARE, OUTLIER_FACTOR = 1.0 / 25.0, 5.0
 
 
 def lasting_error(gnss: Gnss, steps: int, shape: tuple[int, ...], dt_s: float, rng: np.random.Generator) -> FloatArray:
-    """(steps, *shape) metres: the error that lasts, of the kind that is asked for, every dt_s."""
+    """(steps, *shape) metres, every ``dt_s``: the slowly varying error, of the kind that the scenario asks for."""
     if gnss.bias_kind == "gauss-markov":
         return gauss_markov(steps, shape, gnss.bias_m, gnss.tau_s, dt_s, rng)
     if gnss.bias_kind == "filtered":
@@ -76,19 +84,9 @@ def gauss_markov(
     return values
 
 
-FloatArray = NDArray[np.float64]
-
-BIAS_STEP_S = 0.1
-"""Sampling of the position's bias, far below its correlation time."""
-RATE_STEP_S = 0.05
-"""Half the span of the central difference that gives rates; the true motion without wobble is smooth over it."""
-WANDER_TAU_S = 30.0
-"""Correlation time of the slow errors of attitude, as of a filter that weighs gyroscopes against the horizon."""
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
 class UgvReading:
-    """One ground vehicle's own idea of itself at k sample times."""
+    """Readings of one ground vehicle's sensors at k sample times."""
 
     p_enu: FloatArray
     """(k, 3)."""
@@ -99,12 +97,12 @@ class UgvReading:
     yaw_rate: FloatArray
     """(k,) rad/s."""
     zeroed: NDArray[np.bool_]
-    """(k,) True where the vehicle claims latitude and longitude 0."""
+    """(k,) True where the vehicle reports latitude and longitude 0."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class UavReading:
-    """The UAV's own idea of itself at k sample times."""
+    """Readings of the UAV's sensors at k sample times."""
 
     p_enu: FloatArray
     """(k, 3)."""
@@ -249,7 +247,7 @@ class Sensors:
 
 
 def _instead(reading: UgvReading, other: UgvReading, where: NDArray[np.bool_]) -> UgvReading:
-    """The other reading where asked (k,), the first elsewhere."""
+    """Return the other reading where asked (k,), the first elsewhere."""
     return UgvReading(
         p_enu=np.where(where[:, None], other.p_enu, reading.p_enu),
         v_enu=np.where(where[:, None], other.v_enu, reading.v_enu),

@@ -114,7 +114,7 @@ def _round_ring(x0: float, x1: float, y0: float, y1: float, dx: float, dy: float
 def pair(
     x: tuple[float, float], at: float, half: float, z: tuple[float, float], color: Color, layer: int
 ) -> list[Block]:
-    """The same small block at the left and at the right."""
+    """Return the same small block at the left and at the right."""
     return [Block(x=x, y=(s * at - half, s * at + half), z=z, top=color, sides=color, layer=layer) for s in (-1.0, 1.0)]
 
 

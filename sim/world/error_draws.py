@@ -25,7 +25,7 @@ def standard_errors(rng: np.random.Generator) -> FlightErrors:
 
 
 def hard_errors(rng: np.random.Generator) -> FlightErrors:
-    """Everything at once: bias 1 m, compass 7 to 10°, tilt to 1.5°, video late, one report in ten lost."""
+    """All errors at once: bias 1 m, compass 7 to 10°, tilt to 1.5°, video late, one report in ten lost."""
     return FlightErrors(
         gnss=gnss(rng, white=0.5, bias=1.0, uav_bias_m=1.5, height_bias_m=signed(rng, 0.5, 1.5)),
         attitude=slight(

@@ -61,3 +61,8 @@ def joined(*motions: Motion) -> Motion:
 
 def _mix(values: FloatArray, low: NDArray[np.int64], part: FloatArray) -> FloatArray:
     return values[low] * (1.0 - part) + values[low + 1] * part
+
+
+def wrapped(angle: FloatArray) -> FloatArray:
+    """Angles in [−π, π)."""
+    return np.asarray((angle + np.pi) % (2.0 * np.pi) - np.pi)

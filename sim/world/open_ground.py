@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim.errors import ScenarioError
-from sim.world.motion import STEP_S, Motion
+from sim.world.motion import STEP_S, Motion, wrapped
 
 FloatArray = NDArray[np.float64]
 
@@ -21,7 +21,7 @@ TURN_RADIUS_M, MAX_TURN_RATE = 3.0, 1.2  # of steered robots; of those that pivo
 ARRIVED_M, LOOKAHEAD_M = 1.5, 2.5
 """A goal is reached within the first; on a figure of eight the goal is kept the second ahead. Both are a choice."""
 PATIENCE_S, LEG_TIMEOUT_S = 1.0, 15.0
-"""A robot that is held up so long backs off; a leg ends after so long at the latest. Both are a choice."""
+"""A robot that is held up this long backs off; a leg ends after this long at the latest. Both are a choice."""
 REVERSE_SHARE = 0.12
 """Probability that a leg after one forwards is driven in reverse; a choice."""
 
@@ -102,7 +102,7 @@ class _Field:
         to_goal = self._goal - self.xy
         # in reverse the rear is what is steered to the goal
         nose = self.heading + np.where(self.gear < 0.0, np.pi, 0.0)
-        error = _wrapped(np.arctan2(to_goal[:, 0], to_goal[:, 1]) - nose)
+        error = wrapped(np.arctan2(to_goal[:, 0], to_goal[:, 1]) - nose)
         wanted = self._robots.speed * np.where(
             self._robots.pivots, np.clip(1.5 * np.cos(error) - 0.3, 0.0, 1.0), np.clip(np.cos(error), 0.35, 1.0)
         )
@@ -176,7 +176,3 @@ class _Field:
     def _waypoint(self, i: int) -> FloatArray:
         spot: FloatArray = self._robots.centre[i] + self._rng.uniform(-0.5, 0.5, 2) * self._robots.area[i]
         return spot
-
-
-def _wrapped(angle: FloatArray) -> FloatArray:
-    return np.asarray((angle + np.pi) % (2.0 * np.pi) - np.pi)

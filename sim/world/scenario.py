@@ -18,11 +18,11 @@ UAV_ID = 1
 """MAVLink system id of the UAV."""
 FIRST_UGV_ID = 11
 """MAVLink system id of the first ground vehicle; the others count on from it."""
-MOST_VIEWS = FIRST_UGV_ID - UAV_ID
+MAX_VIEWS = FIRST_UGV_ID - UAV_ID
 """Cameras, each with an aircraft that has a system id."""
 _SEED_STEP = 1_000_003
 """Difference of the seeds of two cameras: none that somebody chooses for another flight."""
-MOST_REPORTING = 240
+MAX_REPORTING = 240
 """Ground vehicles, filmed and outside; system ids end at 255."""
 
 
@@ -31,9 +31,10 @@ class ScenarioGround:
     """The fleet and the ground it drives on."""
 
     kind: Literal["straight", "curved", "open", "formation", "parked", "bays"] = "curved"
-    """In bays all vehicles of our make stand side by side in two rows, with empty bays among them."""
+    """Kind of ground; in bays all vehicles of our make stand side by side in two rows, with empty bays among them."""
     formation: Literal["line", "column", "wedge", "grid", "triangle"] = "line"
-    """Only for ``kind = "formation"``: line is abreast, column one behind the other, triangle has equal sides."""
+    """Formation, only for ``kind = "formation"``: line is abreast, column one behind the other, triangle has equal
+    sides."""
     station_keeping_m: Annotated[float, Meta(ge=0.0, le=2.0)] = 0.15
     """Distance that vehicles wander about their places in a formation; 0 makes it rigid."""
     vehicles: Annotated[int, Meta(ge=1, le=200)] = 6
@@ -97,7 +98,7 @@ class ScenarioFlight:
     roam_m: float = 0.0
     """Amplitude of a slow wandering of the filmed point, across and along the image's mean direction."""
     roam_s: Annotated[float, Meta(ge=1.0, le=1e6)] = 24.0
-    """Its period."""
+    """Period of the roaming, s."""
     climb_mps: float = 0.0
 
 
@@ -132,7 +133,7 @@ class ScenarioCamera:
     crf: int = 23
     """H.264 quality of rendered video: lower is finer and larger."""
     zooms: tuple[Zoom, ...] = ()
-    """In the order of time; nothing reports them."""
+    """Zooms in the order of time; nothing reports them."""
     mirrored: bool = False
     """The image is flipped left to right, which the mission does not say."""
 
@@ -147,8 +148,8 @@ class Gnss:
     bias_m: float = 0.6
     """Standard deviation of the wandering bias."""
     bias_kind: Literal["gauss-markov", "filtered", "walk", "steps", "sine"] = "gauss-markov"
-    """Its course: with its deviation kept up, the same smoothly as an autopilot's filter gives it, as a random walk
-    from there, in steps, or in a wave."""
+    """Course of the bias: with its deviation kept up, the same smoothly as an autopilot's filter gives it, as a random
+    walk from there, in steps, or in a wave."""
     tau_s: Annotated[float, Meta(ge=0.1, le=1e6)] = 60.0
     """Correlation time; in which a walk adds the deviation once more; mean time between steps; period of the wave."""
     steps_per_min: Annotated[float, Meta(ge=0.0, le=60.0)] = 0.0
@@ -203,19 +204,19 @@ class ScenarioTiming:
     video_offset_s: float = 0.0
     """Video time minus telemetry time, in the frame stamps."""
     declared_offset: Literal["exact", "zero", "auto"] = "exact"
-    """Its value in ``session.toml``."""
+    """Offset that ``session.toml`` declares."""
     frame_jitter_s: float = 0.002
     frame_loss: Annotated[float, Meta(ge=0.0, le=0.9)] = 0.0
     """Share of frames that are not in the video."""
     rate_min_hz: Annotated[float, Meta(ge=0.1, le=50.0)] = 5.0
-    """Each vehicle's position rate lies between the two."""
+    """Lower bound of a vehicle's position rate."""
     rate_max_hz: Annotated[float, Meta(ge=0.1, le=50.0)] = 5.0
     irregular: Annotated[float, Meta(ge=0.0, le=1.0)] = 0.0
-    """Each position's time varies about its even one by up to half this share of the interval, either way."""
+    """Share of the interval by half of which each position's time varies about its even one, either way."""
     attitude_hz: Annotated[float, Meta(ge=1.0, le=200.0)] = 20.0
     """Rate of the UAV's ATTITUDE."""
     uav_lag_s: Annotated[float, Meta(ge=0.0, le=5.0)] = 0.0
-    """The position the UAV reports is the one it had so long before."""
+    """The position the UAV reports is the one it had this long before."""
     latency_s: float = 0.03
     jitter_s: float = 0.01
     """Mean of the exponential delay on top."""
@@ -247,7 +248,7 @@ class ScenarioDetector:
     """Share of boxes whose front is taken for the rear."""
     heading_missing: bool = False
     merge_lengths: Annotated[float, Meta(ge=0.0, le=10.0)] = 0.0
-    """Two bodies whose centres are nearer than about this many of their own lengths come as one box."""
+    """Distance of two bodies' centres, in about their own lengths, within which they come as one box."""
     bursts_per_min: float = 0.0
     """Losses of one vehicle for a while, per vehicle."""
     burst_min_s: float = 1.0
@@ -255,7 +256,7 @@ class ScenarioDetector:
     parts: Annotated[float, Meta(ge=0.0, le=0.9)] = 0.0
     """Share of the time in which a vehicle of our make is found as two boxes, its front and its rear."""
     parts_run_s: Annotated[float, Meta(ge=0.1, le=60.0)] = 2.5
-    """Mean time for which it stays so."""
+    """Mean time for which a vehicle is found as two boxes."""
     never_found: Annotated[int, Meta(ge=0, le=200)] = 0
     """Number of vehicles of ours that are never found."""
 
@@ -266,7 +267,7 @@ class Targets:
 
     still: int = 0
     moving: int = 0
-    """Other cars under way."""
+    """Number of other cars under way."""
     persons: int = 0
     lookalikes: int = 0
     """Vehicles of our own make that drive among ours and report nothing."""
@@ -287,7 +288,7 @@ class Occlusion:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Blackout:
-    """Nothing at all is detected."""
+    """Time in which nothing at all is detected."""
 
     start_s: float
     stop_s: float
@@ -295,7 +296,7 @@ class Blackout:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ScenarioFault:
-    """One vehicle's telemetry goes wrong."""
+    """Fault of one vehicle's telemetry."""
 
     vehicle: int
     kind: Literal["silent", "frozen", "zero", "jump", "lag", "drift", "spoof", "copy"]
@@ -328,11 +329,11 @@ class ScenarioDeclared:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ScenarioView:
-    """A further camera over the same fleet, on an aircraft of its own; its errors are drawn anew."""
+    """A further camera over the same fleet, on an aircraft of its own; its errors are drawn again."""
 
     mast: bool = False
-    """It is on a mast: ``flight`` should not move, nothing is sent, and the mission has the place. What the mission has
-    of direction is off by ``declared``, and so much is stated as 1σ."""
+    """True if the camera is on a mast: ``flight`` should not move, nothing is sent, and the mission has the place. What
+    the mission has of direction is off by ``declared``, and this much is stated as 1σ."""
     aside_m: tuple[float, float] = (0.0, 0.0)
     """East and north of where ``flight`` alone would have it, metres."""
     flight: ScenarioFlight = field(default_factory=ScenarioFlight)
@@ -385,11 +386,11 @@ class Scenario:
         return replace(self, seed=(self.seed + _SEED_STEP * (number - 1)) % 2**63, views=(), **own)
 
     def filmed_by(self, cameras: int, masts: int = 0) -> Scenario:
-        """The flight filmed by so many: each further one from another side, higher up, with a clock of its own.
+        """The flight filmed by this many: each further one from another side, higher up, with a clock of its own.
 
         Args:
             cameras: all of them.
-            masts: so many of the further ones, the last, are on masts.
+            masts: this many of the further ones, the last, are on masts.
         """
         further = [
             ScenarioView(
@@ -439,11 +440,11 @@ def _check(scenario: Scenario) -> None:
         check_limits(scenario, "scenario")
     except ValueError as error:
         raise ScenarioError(str(error)) from None
-    if scenario.fleet_size > MOST_REPORTING:
+    if scenario.fleet_size > MAX_REPORTING:
         together = f"vehicles and outside are {scenario.fleet_size} together"
-        raise ScenarioError(f"scenario: [ground]: {together}; at most {MOST_REPORTING} can be")
-    if len(scenario.views) >= MOST_VIEWS:
-        raise ScenarioError(f"scenario: {len(scenario.views)} [[views]]; at most {MOST_VIEWS - 1} can be")
+        raise ScenarioError(f"scenario: [ground]: {together}; at most {MAX_REPORTING} can be")
+    if len(scenario.views) >= MAX_VIEWS:
+        raise ScenarioError(f"scenario: {len(scenario.views)} [[views]]; at most {MAX_VIEWS - 1} can be")
     timing = scenario.timing
     if timing.rate_min_hz > timing.rate_max_hz:
         raise ScenarioError(

@@ -6,7 +6,7 @@ import dataclasses
 from pathlib import Path
 
 from infra.files.safe_open import read_small
-from infra.toml_tables import MOST_TOML_BYTES, build, parse_toml, toml_text
+from infra.toml_tables import MAX_TOML_BYTES, build, parse_toml, toml_text
 from sim.errors import ScenarioError
 from sim.world.scenario import Scenario
 
@@ -18,7 +18,7 @@ def load_scenario(path: Path) -> Scenario:
         ScenarioError: if the file cannot be read, is no TOML, or has an unknown key, a wrong type or a bad value.
     """
     try:
-        table = parse_toml(read_small(path, MOST_TOML_BYTES), str(path))
+        table = parse_toml(read_small(path, MAX_TOML_BYTES), str(path))
     except OSError as error:
         raise ScenarioError(f"{path}: cannot be read: {error.strerror}") from error
     except ValueError as error:
@@ -36,9 +36,6 @@ def save_scenario(scenario: Scenario, path: Path) -> None:
 
 def parse_scenario(table: object, where: str) -> Scenario:
     """Check a parsed TOML table and build the scenario.
-
-    Args:
-        where: goes into messages, such as the file's name.
 
     Raises:
         ScenarioError: on an unknown key (with the nearest known one), a wrong type or a value out of range.

@@ -151,7 +151,7 @@ def distort(xy: FloatArray, distortion: FloatArray) -> FloatArray:
     x, y = xy[..., 0], xy[..., 1]
     with np.errstate(over="ignore", invalid="ignore"):
         r2 = x * x + y * y
-        # x' = x (1 + k1 r² + k2 r⁴ + k3 r⁶) + 2 p1 xy + p2 (r² + 2x²);  y' alike with p1, p2 changed over
+        # x' = x (1 + k1 r² + k2 r⁴ + k3 r⁶) + 2 p1 xy + p2 (r² + 2x²);  y' alike with p1, p2 swapped
         radial = 1.0 + r2 * (k1 + r2 * (k2 + r2 * k3))
         return np.stack(
             [

@@ -57,7 +57,7 @@ class World:
         self._canopies = self._place_canopies()
 
     def seen_from(self, number: int) -> World:
-        """The same ground and everything on it, with the aircraft and camera of that number, from 2 on."""
+        """Return the world with the aircraft and camera of that number, from 2 on, over the same ground."""
         world = World(self.scenario.of_view(number), actors=self._actors)
         values = world._flight.values.copy()
         values[:, :2] += self.scenario.views[number - 2].aside_m
@@ -66,7 +66,7 @@ class World:
 
     @property
     def views(self) -> list[World]:
-        """The same for all further cameras."""
+        """Worlds of all further cameras."""
         return [self.seen_from(number + 2) for number in range(len(self.scenario.views))]
 
     @property

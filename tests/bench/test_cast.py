@@ -10,11 +10,11 @@ from bench.screens.gif import CELL, draw
 from bench.screens.screen import Cell, TerminalScreen
 
 CAST = Path(__file__).parents[2] / "docs" / "rollcall.cast"
-MOST_BYTES = 300_000
+MAX_BYTES = 300_000
 
 
 def test_the_recording_is_valid_small_and_shows_names_map_and_help():
-    assert CAST.stat().st_size < MOST_BYTES
+    assert CAST.stat().st_size < MAX_BYTES
     header, *events = map(json.loads, CAST.read_text(encoding="utf-8").splitlines())
     assert header["version"] == 2
     times = [at_s for at_s, kind, data in events if kind == "o" and isinstance(data, str)]

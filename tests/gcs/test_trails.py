@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gcs.trails import MOST_POINTS, Trails
+from gcs.trails import MAX_POINTS, Trails
 from mavlink.geodesy import LocalFrame
 from tests.support.fake_station import START_US, make_snapshot
 
@@ -82,8 +82,8 @@ def test_a_long_trail_has_few_points_and_two_hours_are_kept_in_little():
     trails = Trails()
     for n in range(40_000):
         trails.add(at(0.5 * n, 1.0 * n))
-    assert len(trail(trails, 20_000, span_s=600.0)) <= MOST_POINTS + 1
-    assert len(trail(trails, 20_000, span_s=20_000.0)) <= MOST_POINTS + 1
+    assert len(trail(trails, 20_000, span_s=600.0)) <= MAX_POINTS + 1
+    assert len(trail(trails, 20_000, span_s=20_000.0)) <= MAX_POINTS + 1
     assert len(pieces(trail(trails, 20_000, span_s=600.0))) == 1
 
 

@@ -71,7 +71,7 @@ def test_secrets_are_taken_out(log, monkeypatch):
 
 
 def test_a_file_does_not_grow_without_end(log, monkeypatch):
-    monkeypatch.setattr(program_log, "MOST_BYTES", 2000)
+    monkeypatch.setattr(program_log, "MAX_BYTES", 2000)
     for _ in range(200):
         LOG.info("x" * 50)
     assert sum(len(line) + 1 for line in lines(log)) < 2200
@@ -80,7 +80,7 @@ def test_a_file_does_not_grow_without_end(log, monkeypatch):
 def test_nobody_waits_for_a_disk_that_hangs(tmp_path, monkeypatch):
     answers, opened = threading.Event(), program_log.open_to_append
     monkeypatch.setattr(program_log, "open_to_append", lambda path, links=True: answers.wait() and opened(path))
-    monkeypatch.setattr(program_log, "MOST_WAITING", 3)
+    monkeypatch.setattr(program_log, "MAX_WAITING", 3)
     log = LogFile(tmp_path / "program.log")
     for number in range(100):
         LOG.info("number %d", number)

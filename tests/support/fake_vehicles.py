@@ -19,7 +19,7 @@ from mavlink.protocol.packet import Packet
 from mavlink.transmit.transmitter import Transmitter
 from tests.support.frames import MessageEncoder
 
-MOST_S = 600.0
+MAX_S = 600.0
 
 
 class FakeVehicle:
@@ -78,7 +78,7 @@ class FakeVehicle:
 
     def _run(self) -> None:
         due_s = 0.0
-        while not self._stop.is_set() and time.monotonic() - self._start_s < MOST_S:
+        while not self._stop.is_set() and time.monotonic() - self._start_s < MAX_S:
             if time.monotonic() >= due_s:
                 due_s = time.monotonic() + 0.1
                 self._report()

@@ -43,7 +43,7 @@ def quick(monkeypatch):
     monkeypatch.setattr("training.train.BATCH", 2)
     monkeypatch.setattr("training.finetune.STATISTICS_IMAGES", 2)
     monkeypatch.setattr("training.finetune.MEASURED_STEPS", 2)
-    monkeypatch.setattr("training.finetune.LEAST_STEPS", STEPS)
+    monkeypatch.setattr("training.finetune.MIN_STEPS", STEPS)
     monkeypatch.setattr("training.finetune.LOSS_EVERY", 1)
     monkeypatch.setattr("training.finetune.CHECKS", 2)
 

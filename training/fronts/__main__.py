@@ -41,7 +41,7 @@ MARGIN = 0.15
 """Margin beyond its box of a crop from a video that the classifier sees, a share of the sides; a choice."""
 BLOCKS, HELD_OUT_OF = 50, 5
 """Crops in the order of time fall into blocks and every fifth is held out: neighbours in time look alike."""
-LEAST = 50
+MIN_KNOWN = 50
 """Crops with a known front that training needs: one for each of the ``BLOCKS``."""
 log = logging.getLogger(__name__)
 
@@ -141,7 +141,7 @@ def _ask(out: Path, crops: Crops, clusters: Clusters) -> None:
 def _train(args: argparse.Namespace, crops: Crops, clusters: Clusters, corrections: Corrections, margin: float) -> None:
     known, right = fronts(clusters, corrections)
     log.info("%d of %d crops have a front", len(known), len(crops))
-    if len(known) < LEAST:
+    if len(known) < MIN_KNOWN:
         raise LabelError(f"{args.out / 'corrections.csv'}: too few crops have a front; enter right or left in it")
     plan = TrainingPlan(seed=args.seed, steps=args.steps, side=args.side, margin=margin, every=max(args.steps // 10, 1))
     _forget_if_changed(args.out, known, right, plan)

@@ -31,7 +31,7 @@ LENGTH, ACROSS = 144, 96
 """Size of a crop, px."""
 WIDE = 0.5
 """Margin of the crops of a video."""
-LEAST_PX = 8.0
+MIN_PX = 8.0
 """A vehicle of a shorter box shows no front."""
 IMAGES = (".png", ".jpg", ".jpeg")
 """Suffixes of files that are read as images."""
@@ -86,7 +86,7 @@ def collect_video(path: Path, detector: Detector, out: Path, frames: int, most: 
                 continue
             found = detector.detect(frame.image)
             boxes = canonical(found.boxes)
-            whole = _whole(boxes, frame.image) & (boxes[:, 2] >= LEAST_PX)
+            whole = _whole(boxes, frame.image) & (boxes[:, 2] >= MIN_PX)
             for box, score in zip(boxes[whole], found.score[whole], strict=True):
                 cv2.imwrite(str(_path(folder, len(rows))), _cut(frame.image, box, WIDE))
                 rows.append((len(rows), frame.index, *box.tolist(), float(score)))

@@ -35,10 +35,10 @@ SIDE = 384
 MAX_BOXES = 80
 """Rows of a crop's table of boxes; vehicles beyond it have none."""
 OVER = (0.55, 0.75, 1.0, 1.25, 1.6)
-"""Images are drawn at so many times their size; smaller ones are enlarged, as the detector does from high up."""
+"""Images are drawn at this many times their size; smaller ones are enlarged, as the detector does from high up."""
 PER_GROUND, PER_CATALOGUE = 15, 5
-"""Crops until ground and catalogue are drawn anew: making them costs more than a crop."""
-LEAST_PX = 8.0
+"""Crops until ground and catalogue are drawn again: making them costs more than a crop."""
+MIN_PX = 8.0
 """Shorter vehicles count neither way."""
 HEAVY_KINDS, URBAN_KINDS = 4, 7
 """Counts of a catalogue: kinds of heavy vehicles, and of what moves and stands in towns; a choice."""
@@ -136,7 +136,7 @@ def crop(ground: TrainingGround, catalogue: tuple[ObjectKind, ...], rng: np.rand
         middle_inside = ((boxes[:, :2] > 0.0) & (boxes[:, :2] < SIDE)).all(axis=1)
         reach = 0.5 * boxes[:, 2:3]
         inside = ((boxes[:, :2] > -reach) & (boxes[:, :2] < SIDE + reach)).all(axis=1) & (boxes[:, 2] > 3.0)
-        weight[unclear | ~(boxes[:, 2] >= LEAST_PX) | ~middle_inside] = 0.0
+        weight[unclear | ~(boxes[:, 2] >= MIN_PX) | ~middle_inside] = 0.0
     keep = np.flatnonzero((vehicle | unclear) & inside)[:MAX_BOXES]
     if over != 1.0:
         image = np.asarray(

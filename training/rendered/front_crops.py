@@ -25,10 +25,10 @@ Image = NDArray[np.uint8]
 FloatArray = NDArray[np.float64]
 SIDE = 128
 """Side of a crop, px: holds the longest vehicle, 80 px, at any angle and some ground around it."""
-LEAST_LENGTH_PX, MOST_LENGTH_PX = 12.0, 80.0
+MIN_LENGTH_PX, MAX_LENGTH_PX = 12.0, 80.0
 """Range of a vehicle's length in the crops; a choice."""
 PER_GROUND = 50
-"""Crops until the ground is drawn anew: making it costs more than a crop."""
+"""Crops until the ground is drawn again: making it costs more than a crop."""
 log = logging.getLogger(__name__)
 
 
@@ -79,11 +79,11 @@ def write_shard(folder: Path, seed: int, count: int) -> Path:
 
 def _random_length_px(rng: np.random.Generator) -> float:
     # even in the logarithm: as many between 12 and 24 px as between 24 and 48
-    return float(np.exp(rng.uniform(np.log(LEAST_LENGTH_PX), np.log(MOST_LENGTH_PX))))
+    return float(np.exp(rng.uniform(np.log(MIN_LENGTH_PX), np.log(MAX_LENGTH_PX))))
 
 
 def _random_view(rng: np.random.Generator, side: int, gsd_m: float) -> CameraView:
-    """A small image, ``side`` px square, with so many metres per pixel in its middle, mostly seen from above."""
+    """A small image, ``side`` px square, with this many metres per pixel in its middle, mostly seen from above."""
     height, yaw = float(rng.uniform(15.0, 120.0)), float(rng.uniform(0.0, 2.0 * np.pi))
     # a vehicle at the edge of a wide image is seen aslant too
     pitch = -np.pi / 2.0 + min(abs(float(rng.normal(0.0, 0.18 if rng.random() < 0.8 else 0.45))), 1.0)

@@ -11,7 +11,7 @@ from sim.render.randomise import FIRST_KIND, ObjectKind, car_color, random_leaf
 from sim.render.training_ground import TrainingGround
 from sim.world.view import OCCLUDER, Bodies, CameraView, FloatArray, project, ray_ground
 
-MOST_IN_SLOTS = 70
+MAX_IN_SLOTS = 70
 """Bodies after which no more bays are filled: stays below the 80 boxes that a crop keeps."""
 LARGE_M = 9.0
 """Clutter of this length or more keeps off bays and lanes."""
@@ -222,7 +222,7 @@ def _in_slots(
     share = float(rng.choice([0.2, 0.5, 0.9]))
     shady = float(rng.choice([0.0, SHADY_SHARE], p=[0.6, 0.4]))
     for x, y, heading, room in slots[rng.permutation(len(slots))]:
-        if len(placed.rows) > MOST_IN_SLOTS:
+        if len(placed.rows) > MAX_IN_SLOTS:
             return
         k = int(rng.choice(road))
         if light and rng.random() < TWO_WHEELER_SHARE:

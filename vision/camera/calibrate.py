@@ -22,20 +22,20 @@ from vision.errors import CameraError
 Floats = NDArray[np.float64]
 
 PARAMETERS = ("fx", "fy", "cx", "cy", "k1", "k2", "p1", "p2", "k3")
-FEWEST_VIEWS, MOST_VIEWS = 12, 60
+FEWEST_VIEWS, MAX_VIEWS = 12, 60
 """Views that a calibration needs, and most that it uses: more change little and take long."""
 OUTLIER = 2.5
-"""A view whose error is so many times the middle one's was disturbed: the board bent, or moved while it was taken."""
+"""A view whose error is this many times the middle one's was disturbed: the board bent, or moved while it was taken."""
 WORST_RMS = 1.0 / 1920
 """Largest error, as a share of the image's longer side."""
 WORST_PIXEL = 3.0 / 1920
 """1σ of the pixel of a ray, as the same share."""
-LEAST_COVERAGE = 0.6
+MIN_COVERAGE = 0.6
 """Share of the image in which the board must have been seen."""
 WORST_FOCAL = 0.005
 """1σ of a focal length, as a share of it."""
-LEAST_TILT = np.deg2rad(15.0)
-"""That a quarter of the views reach; boards that face the camera leave focal length and distance undetermined."""
+MIN_TILT = np.deg2rad(15.0)
+"""Tilt that a quarter of the views reach; boards that face the camera leave focal length and distance undetermined."""
 CELLS = (24, 18)
 """Columns and rows in which coverage is counted."""
 PLACES = (
@@ -59,7 +59,7 @@ class Calibration:
     tilt: float
     """Angle between board and image that a quarter of the views reach, rad."""
     views: tuple[BoardView, ...]
-    """Those that were used."""
+    """Views that were used."""
     covered: NDArray[np.bool_]
     """(rows, columns) cells of the image in which a board was seen."""
 
@@ -106,13 +106,13 @@ def calibrate(views: Sequence[BoardView], board: Board, size: tuple[int, int]) -
 
 
 def doubts(calibration: Calibration) -> Iterator[str]:
-    """Why a calibration should not be used, and what to do about it; nothing when it is good."""
+    """Return why a calibration should not be used, and what to do about it; nothing when it is good."""
     camera = calibration.intrinsics
     if len(calibration.views) < FEWEST_VIEWS:
         yield f"only {len(calibration.views)} different sharp views of the whole board fit; {_more_views()}"
-    if calibration.coverage < LEAST_COVERAGE:
+    if calibration.coverage < MIN_COVERAGE:
         yield (
-            f"the board was seen in {calibration.coverage:.0%} of the image, {LEAST_COVERAGE:.0%} are needed: "
+            f"the board was seen in {calibration.coverage:.0%} of the image, {MIN_COVERAGE:.0%} are needed: "
             f"hold it also {_emptiest(calibration.covered)}, and nearer"
         )
     if calibration.rms_px > WORST_RMS * max(camera.width, camera.height):
@@ -121,7 +121,7 @@ def doubts(calibration: Calibration) -> Iterator[str]:
             f"switch off the camera's stabilisation and autofocus"
         )
     focal = max(calibration.std[0] / camera.fx, calibration.std[1] / camera.fy)
-    if focal > WORST_FOCAL or calibration.tilt < LEAST_TILT:
+    if focal > WORST_FOCAL or calibration.tilt < MIN_TILT:
         yield "the focal length is unsure: tilt the board by 30° to 45° to all sides"
     if calibration.pixel_px > WORST_PIXEL * max(camera.width, camera.height):
         yield (

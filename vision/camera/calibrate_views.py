@@ -104,7 +104,8 @@ def find_view(frame: Frame, board: Board) -> BoardView | None:
 
 
 def chosen(views: Iterable[BoardView], most: int) -> list[BoardView]:
-    """At most so many views that differ from each other, the sharper one of two that do not; in order of the video."""
+    """Choose at most this many views that differ from each other, the sharper one of two that do not; in order of the
+    video."""
     sharpest_first = sorted(views, key=lambda view: view.blur_px)
     apart = APART
     while True:
@@ -118,7 +119,7 @@ def chosen(views: Iterable[BoardView], most: int) -> list[BoardView]:
 
 
 def _refined(grey: NDArray[np.uint8], corners: NDArray[np.float32], board: Board) -> NDArray[np.float32]:
-    """To fractions of a pixel, each in a window that no other corner can reach into."""
+    """Refine corners to fractions of a pixel, each in a window that no other corner can reach into."""
     grid = corners.reshape(board.rows, board.columns, 2)
     nearest = min(float(np.linalg.norm(np.diff(grid, axis=axis), axis=-1).min()) for axis in (0, 1))
     half = int(np.clip(nearest * 0.3, 2, 11))

@@ -119,7 +119,7 @@ def ground(intrinsics: Intrinsics, pose: CameraPose, uv: ArrayLike, z: ArrayLike
 
 
 def _on_level(rays: Floats, pose: CameraPose, z: ArrayLike) -> Floats:
-    """The same for unit rays (..., 3) in the camera frame."""
+    """Return the points at which unit rays (..., 3) in the camera frame meet the level plane."""
     ray = rays @ pose.R_enu_cam.T
     # p = c + s·ray with s = (z − c_z) / ray_z
     drop = np.asarray(z, dtype=np.float64) - pose.p_enu[2]

@@ -101,7 +101,7 @@ class Intrinsics:
 
 @lru_cache(maxsize=8)
 def resized(intrinsics: Intrinsics, width: int, height: int, *, drawn_out: bool = False) -> Intrinsics:
-    """The same camera delivering an image of another size.
+    """Return the camera as it delivers an image of another size.
 
     Args:
         intrinsics: as it is described.
@@ -133,7 +133,7 @@ def resized(intrinsics: Intrinsics, width: int, height: int, *, drawn_out: bool 
 
 @lru_cache(maxsize=8)
 def zoomed(intrinsics: Intrinsics, factor: float) -> Intrinsics:
-    """The same camera with its image magnified about the middle, as digital zoom does.
+    """Return the camera with its image magnified about the middle, as digital zoom does.
 
     The lens's coefficients belong to rays, so they stay. An optical zoom bends in its own way: calibrate it where it is
     used.

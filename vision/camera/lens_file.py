@@ -22,14 +22,14 @@ from vision.camera.intrinsics import Intrinsics
 from vision.errors import CameraError
 
 CORNER_PX = 0.5
-"""From OpenCV's pixels to ours."""
+"""Shift from OpenCV's pixels to ours."""
 NUMBERS = ("width", "height", "fx", "fy", "cx", "cy")
 KNOWN = (*NUMBERS, "distortion", "calibration")
 YAML = (".yaml", ".yml")
-MOST_BYTES = 256 << 10
+MAX_BYTES = 256 << 10
 """A lens takes less than 1 KiB; calibration programs add tables to it."""
-MOST_PX = 16384
-"""No camera has a longer side."""
+MAX_PX = 16384
+"""Longest side of any camera's picture."""
 _LARGEST = sys.float_info.max
 PINHOLE = ("", "plumb_bob", "rational_polynomial")
 
@@ -48,7 +48,7 @@ def read_lens(path: Path) -> Intrinsics:
         CameraError: no such file, or no description of a camera in it.
     """
     try:
-        text = read_small(path, MOST_BYTES).decode()
+        text = read_small(path, MAX_BYTES).decode()
     except FileNotFoundError:
         raise CameraError(f"{path}: no such file; gcs calibrate makes one from a video of a chessboard") from None
     except OSError as error:
@@ -118,8 +118,8 @@ def _camera(numbers: dict[str, Any], lens: list[float]) -> Intrinsics:
     if wrong:
         raise CameraError(f"{wrong[0]} is {numbers[wrong[0]]!r}; a number is needed")
     for name in ("width", "height"):
-        if not MOST_PX >= numbers[name] >= 1:
-            raise CameraError(f"{name} is {numbers[name]}; a number of pixels up to {MOST_PX} is needed")
+        if not MAX_PX >= numbers[name] >= 1:
+            raise CameraError(f"{name} is {numbers[name]}; a number of pixels up to {MAX_PX} is needed")
     sides = {name: int(numbers[name]) for name in ("width", "height")}
     return Intrinsics(**{**numbers, **sides}, distortion=np.array(lens, dtype=np.float64))
 

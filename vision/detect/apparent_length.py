@@ -1,4 +1,4 @@
-"""How long vehicles are in an image of unknown ground resolution, by what the network itself finds at several scales.
+"""Length of vehicles in an image of unknown ground resolution, by what the network itself finds at several scales.
 
 A vehicle is found at the same place and with the same length in the image whatever the scale, as long as the network
 can see it. What is no vehicle looks like one at a single scale at most: what a network takes for a vehicle by mistake
@@ -29,8 +29,8 @@ CAR_M = 4.5
 FLOOR = 0.15
 """Weaker boxes are no evidence."""
 STEP = 2.0
-"""From one scale to the next: vehicles are seen over three octaves, and so by two or three neighbours."""
-LEAST_SIDE_PX = 200.0
+"""Factor from one scale to the next: vehicles are seen over three octaves, and so by two or three neighbours."""
+MIN_SIDE_PX = 200.0
 """Minimum side of the smallest canvas: a vehicle of the network's length would fill a quarter of a smaller one."""
 AGREE = 0.5
 """Probabilistic overlap from which boxes of two scales are one vehicle's, if they are about as long."""
@@ -40,8 +40,8 @@ SPREAD_OCTAVES = 0.25
 """Standard deviation of the lengths of vehicles of one kind, with the error of the boxes."""
 GRID_OCTAVES = 0.05
 """Resolution of the length."""
-LEAST_EVIDENCE, LEAST_LENGTH_PX = 0.35, 40.0
-"""Two vehicles that two scales find with a score of 0.4, where vehicles are so long on the finest canvas. Of shorter
+MIN_EVIDENCE, MIN_LENGTH_PX = 0.35, 40.0
+"""Two vehicles that two scales find with a score of 0.4, where vehicles are this long on the finest canvas. Of shorter
 ones an image has room for more, by the square, and what is none agrees by chance as much more often."""
 CAR_ASPECT = 2.5
 """Length of a car, in widths. A bus is little wider than a car and three times as long: in a depot widths tell more."""
@@ -52,7 +52,7 @@ class ApparentLength:
     """The length that most vehicles of an image have, or would have if they were cars of their width."""
 
     px: float
-    """In pixels of the image."""
+    """Length in pixels of the image."""
     evidence: float
     """Sum of squared scores of the boxes of about this length that two scales agree on."""
 
@@ -94,7 +94,7 @@ def finish(examination: Generator[None, None, ApparentLength | None]) -> Apparen
 
 def scales(image: Image, finest: float) -> list[float]:
     """Scales to look at an image (H, W, 3), the coarsest first."""
-    octaves = int(np.log2(max(max(image.shape[:2]) * finest / LEAST_SIDE_PX, 1.0)))
+    octaves = int(np.log2(max(max(image.shape[:2]) * finest / MIN_SIDE_PX, 1.0)))
     return [finest / STEP**k for k in range(octaves, -1, -1)]
 
 
@@ -136,13 +136,13 @@ def common_length(length: Floats, weight: Floats, finest: float) -> ApparentLeng
     # evidence(g) = Σ wᵢ e^(−½ ((oᵢ − g) / σ)²)
     evidence = np.exp(-0.5 * ((octave - grid[:, None]) / SPREAD_OCTAVES) ** 2) @ weight
     best = int(evidence.argmax())
-    if evidence[best] < LEAST_EVIDENCE * max(LEAST_LENGTH_PX / (2.0 ** grid[best] * finest), 1.0) ** 2:
+    if evidence[best] < MIN_EVIDENCE * max(MIN_LENGTH_PX / (2.0 ** grid[best] * finest), 1.0) ** 2:
         return None
     return ApparentLength(px=float(2.0 ** grid[best]), evidence=float(evidence[best]))
 
 
 def _look_at_part(image: Image, look: Look, scale: float, share: float, coarse: Detections | None) -> Detections:
-    """Look at so large a share of an image's area, where most was found before."""
+    """Look at this share of an image's area, where most was found before."""
     if share >= 1.0:
         return look(image, scale)
     height, width = image.shape[:2]

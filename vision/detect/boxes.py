@@ -19,7 +19,7 @@ _UNIT = np.array([[-0.5, -0.5], [0.5, -0.5], [0.5, 0.5], [-0.5, 0.5]])
 
 
 def wrap(angle: ArrayLike) -> Floats:
-    """The same direction in [-π, π)."""
+    """Wrap a direction into [-π, π)."""
     return np.asarray((np.asarray(angle, dtype=np.float64) + np.pi) % (2 * np.pi) - np.pi)
 
 
@@ -41,7 +41,7 @@ def hull(boxes: ArrayLike) -> Floats:
 
 
 def canonical(boxes: ArrayLike) -> Floats:
-    """The same rectangles (..., 5) with w ≥ h and the angle in [-π/2, π/2): one row per rectangle, front forgotten."""
+    """Return rectangles (..., 5) with w ≥ h and the angle in [-π/2, π/2): one row per rectangle, front forgotten."""
     rows = np.array(boxes, dtype=np.float64)
     w, h, angle = rows[..., 2].copy(), rows[..., 3].copy(), rows[..., 4]
     turned = h > w
@@ -186,7 +186,7 @@ def _inside(points: Floats, box: Floats) -> NDArray[np.bool_]:
 
 
 def _crossings(a: Floats, b: Floats) -> tuple[Floats, NDArray[np.bool_]]:
-    """Where the 4 × 4 edges of corner rings (p, 4, 2) cross: points (p, 16, 2) and whether they are real."""
+    """Return where the 4 × 4 edges of corner rings (p, 4, 2) cross: points (p, 16, 2) and whether they are real."""
     edge_a, edge_b = np.roll(a, -1, axis=1) - a, np.roll(b, -1, axis=1) - b
     gap = b[:, None, :] - a[:, :, None]
     # a + t·ea = b + u·eb  ⇒  t = (gap × eb) / (ea × eb),  u = (gap × ea) / (ea × eb)

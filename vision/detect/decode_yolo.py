@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from vision.detect.boxes import canonical, prob_iou_pairs
 from vision.detect.detections import Detections
 
-MOST_CANDIDATES = 2000
+MAX_CANDIDATES = 2000
 """Most boxes, the best ones, that enter suppression; bounds the time for a model with very many detections."""
 Rivals = Literal["any", "same", "other"]
 PAIRS = 1 << 20
@@ -86,7 +86,7 @@ def _reach(rows: NDArray[np.float64], overlap: float) -> NDArray[np.float64]:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Rule:
-    """Which boxes are returned."""
+    """Rule for the boxes that are returned."""
 
     classes: NDArray[np.intp]
     """(k,) class numbers of vehicles."""
@@ -163,7 +163,7 @@ def _suppressed(
     finite = np.isfinite(table).all(axis=1)
     real = finite & (table[:, 2] > 0.0) & (table[:, 3] > 0.0)
     table, kind = table[real], kind[real]
-    best = np.argsort(-table[:, 5], kind="stable")[:MOST_CANDIDATES]
+    best = np.argsort(-table[:, 5], kind="stable")[:MAX_CANDIDATES]
     boxes, score = canonical(table[best, :5]), table[best, 5]
     kept = np.arange(len(best)) if rivals == "none" else fast_nms(boxes, score, rule.overlap, kind[best], rivals)
     dropped = Dropped(

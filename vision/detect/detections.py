@@ -14,8 +14,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from vision.detect.boxes import corners
 
-MOST_WEAK = 60
-"""Boxes of one image that do not count: all are recorded, and with more of them no further vehicles are followed."""
+MAX_WEAK = 60
+"""Most boxes below the score that counts in one image: all are recorded, but beyond these only the best are tracked."""
 FIELDS = ("cx", "cy", "w", "h", "angle", "score", "heading")
 
 
@@ -49,7 +49,7 @@ class Detections:
     """(r, 4) left, top, right, bottom, px, of the parts of the image in which a vehicle would have been found; None: in
     all of it. Where nobody looked no box means nothing."""
     table: NDArray[np.float64] = field(init=False, repr=False)
-    """All of them in one array (7, m), in this order; the arrays above are its rows."""
+    """Columns in one array (7, m), in this order; the arrays above are its rows."""
 
     def __post_init__(self) -> None:
         columns = [getattr(self, name) for name in FIELDS]
@@ -76,7 +76,7 @@ class Detections:
         return len(self.cx)
 
     def select(self, index: ArrayLike) -> Detections:
-        """Those at ``index``: integers (k,), in that order, or a mask (m,) bool."""
+        """Return the detections at ``index``: integers (k,), in that order, or a mask (m,) bool."""
         chosen = np.asarray(index)
         if chosen.dtype == np.bool_ and chosen.all():
             return self
@@ -89,16 +89,16 @@ class Detections:
         return taken
 
     def at_least(self, score: float) -> Detections:
-        """Those of this score and more."""
+        """Return the detections of this score and more."""
         return self.select(self.score >= score)
 
     def useful(self, score: float) -> Detections:
-        """All of this score and more, and the best ``MOST_WEAK`` of the others."""
+        """All of this score and more, and the best ``MAX_WEAK`` of the others."""
         weak = np.flatnonzero(self.score < score)
-        if len(weak) <= MOST_WEAK:
+        if len(weak) <= MAX_WEAK:
             return self
         keep = self.score >= score
-        keep[weak[np.argsort(-self.score[weak], kind="stable")[:MOST_WEAK]]] = True
+        keep[weak[np.argsort(-self.score[weak], kind="stable")[:MAX_WEAK]]] = True
         return self.select(keep)
 
     def looked_at(self, xy: ArrayLike) -> NDArray[np.bool_]:
@@ -111,7 +111,8 @@ class Detections:
         return np.asarray(np.any(inside, axis=1))
 
     def looked_share(self, size: tuple[int, int]) -> float:
-        """About which share of an image of (width, height) px was looked at; where parts overlap it is less."""
+        """Return the share of an image of (width, height) px that was looked at, about; where parts overlap it is
+        less."""
         if self.looked is None:
             return 1.0
         sides = self.looked[:, 2:] - self.looked[:, :2]

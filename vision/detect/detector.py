@@ -20,7 +20,7 @@ from vision.errors import ModelError
 BUNDLED = Path(__file__).parents[1] / "models" / "rollcall-obb-s.onnx"
 """Rollcall's own detector."""
 BUNDLED_PARTS = BUNDLED.with_name("rollcall-obb-s-int8.onnx")
-"""The same with 8-bit arithmetic, for parts of pictures that are looked at in turns."""
+"""Rollcall's own detector with 8-bit arithmetic, for parts of pictures that are looked at in turns."""
 CPU = ("CPUExecutionProvider",)
 
 
@@ -51,7 +51,8 @@ class MeasuringDetector(Detector, Protocol):
     """A detector that finds the scale of images by the vehicles in them."""
 
     def examine(self, image: NDArray[np.uint8]) -> Generator[None, None, ApparentLength | None]:
-        """How long vehicles are in an image (H, W, 3), by a little work each time that the generator is continued."""
+        """Measure the length of vehicles in an image (H, W, 3), by a little work each time that the generator is
+        continued."""
 
     def film_gsd_m(self, image: NDArray[np.uint8], length_px: float | None) -> float:
         """The ground resolution to ask ``detect`` for in a film in which nothing but the vehicles tells it, m per px.
@@ -76,7 +77,7 @@ class PartialDetector(Detector, Protocol):
     part_price: float
 
     def scale(self, gsd_m: float) -> float:
-        """How an image of a ground resolution, m per px, is scaled to be looked at."""
+        """Return the factor by which an image of a ground resolution, m per px, is scaled to be looked at."""
 
     def detect_in(self, image: NDArray[np.uint8], parts: Sequence[Tile], *, gsd_m: float) -> Detections:
         """Vehicles in some parts of an image, in pixels of the image; one that two parts show counts once."""

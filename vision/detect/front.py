@@ -1,21 +1,20 @@
-"""Which end of an oriented box is the front: a classifier of rectified crops, after any detector.
+"""Front ends of oriented boxes: a classifier of rectified crops, after any detector.
 
-Crops are stretched to a square with the box's longer side along +x; ``vision.detect.front`` describes the
-classifiers that are accepted. A class whose front is at a longer side counts only for boxes that are nearly square.
+Crops are stretched to a square with the box's longer side along +x. A class whose front is at a longer side counts only
+for boxes that are nearly square.
 
-Reference:
-    Chen, Du, Wu 2025, doi:10.3390/drones9090612, section 3.3 and figure 4: oriented detection, then a ResNet-18.
-
-The metadata of an ONNX file that is a classifier of fronts.
-
-One input [N, 3, S, S] float32 or float16, RGB normalised; one output [N, classes], logits: what any framework exports
-for an image classifier. Its metadata has the rest, with these defaults:
+A classifier is an ONNX file with one input [N, 3, S, S] float32 or float16, RGB normalised, and one output
+[N, classes], logits: what any framework exports for an image classifier. Its metadata has the rest, with these
+defaults:
 
     front_deg   where the front of each class is, degrees clockwise on the crop from +x, or ``nan`` for a class that
                 has no front; "0 180" of two classes, "0 90 180 270" of four; other counts must give it
     margin      how much more than the box is on the crop, a share of its sides: "0"
     mean, std   of the normalisation, of values in 0..1: ImageNet's
     size        side S where the input's is open: "224"
+
+Reference:
+    Chen, Du, Wu 2025, doi:10.3390/drones9090612, section 3.3 and figure 4: oriented detection, then a ResNet-18.
 """
 
 from __future__ import annotations
@@ -35,20 +34,29 @@ from vision.detect.front_crops import rectify
 from vision.detect.onnx_model import RUN_ERRORS, described, metadata, open_session, why
 from vision.errors import ModelError
 
+Image = NDArray[np.uint8]
+Floats = NDArray[np.float64]
+
 FRONTS_DEG = {2: (0.0, 180.0), 4: (0.0, 90.0, 180.0, 270.0)}
 """Default directions of the front, from the crop's +x, by number of classes."""
 ACCEPTED = (
     "accepted are image classifiers (one input [N, 3, S, S] float32 or float16 → one output [N, classes] of logits; "
     "metadata 'front_deg' unless there are 2 or 4 classes)"
 )
-MOST_BATCH, MOST_SIDE, MOST_CLASSES = 64, 1024, 360
+MAX_BATCH, MAX_SIDE, MAX_CLASSES = 64, 1024, 360
 """A run is 800 MB at the most; more classes than degrees make no sense."""
 _DTYPES: dict[str, DTypeLike] = {"tensor(float)": np.float32, "tensor(float16)": np.float16}
 _DEFAULTS = {"margin": "0", "mean": "0.485 0.456 0.406", "std": "0.229 0.224 0.225", "size": "224"}
 _COUNTS = {"margin": 1, "mean": 3, "std": 3, "size": 1}
 """Numbers in each entry of the metadata."""
-_RANGES = {"margin": (0.0, 4.0), "mean": (-1e3, 1e3), "std": (1e-6, 1e3), "size": (8.0, MOST_SIDE)}
+_RANGES = {"margin": (0.0, 4.0), "mean": (-1e3, 1e3), "std": (1e-6, 1e3), "size": (8.0, MAX_SIDE)}
 """Least and largest value of each."""
+BUNDLED_FRONT = Path(__file__).parents[1] / "models" / "rollcall-front-resnet18.onnx"
+"""Rollcall's own classifier of fronts."""
+SQUARE = 1.3
+"""Ratio of its sides up to which a box may have its front at a longer side."""
+MAX_CROPS = 64
+"""Crops in one run; more boxes take several."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -84,10 +92,10 @@ def read_contract(session: ort.InferenceSession, where: str) -> Contract:
     batch, _, side, _ = image.shape
     fixed = batch if isinstance(batch, int) else None
     side = side if isinstance(side, int) else int(values["size"][0])
-    if not (1 <= (fixed or 1) <= MOST_BATCH and 8 <= side <= MOST_SIDE and len(front) <= MOST_CLASSES):
+    if not (1 <= (fixed or 1) <= MAX_BATCH and 8 <= side <= MAX_SIDE and len(front) <= MAX_CLASSES):
         raise ModelError(
             f"{where}: it takes {fixed or 'any number of'} crops of {side} × {side} px and has {len(front)} classes; "
-            f"at most {MOST_BATCH} crops of {MOST_SIDE} px and {MOST_CLASSES} classes are accepted"
+            f"at most {MAX_BATCH} crops of {MAX_SIDE} px and {MAX_CLASSES} classes are accepted"
         )
     return Contract(
         name=image.name,
@@ -151,17 +159,6 @@ def _in_range(key: str, values: list[float], where: str) -> list[float]:
     return values
 
 
-Image = NDArray[np.uint8]
-Floats = NDArray[np.float64]
-
-BUNDLED_FRONT = Path(__file__).parents[1] / "models" / "rollcall-front-resnet18.onnx"
-"""Rollcall's own classifier of fronts."""
-SQUARE = 1.3
-"""Up to this ratio of its sides a box may have its front at a longer side."""
-MOST_CROPS = 64
-"""Crops in one run; more boxes take several."""
-
-
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Fronts:
     """Fronts of n boxes."""
@@ -210,11 +207,11 @@ class FrontClassifier:
         # z = (rgb / 255 − mean) / std
         gain, bias = 1.0 / (255.0 * contract.std), contract.mean / contract.std
         logits = np.empty((len(rows), len(contract.front)))
-        step = fixed or MOST_CROPS
+        step = fixed or MAX_CROPS
         for start in range(0, len(rows), step):
             crops = rectify(image, rows[start : start + step], contract.side, contract.margin)
             part = (crops[..., ::-1] * gain - bias).transpose(0, 3, 1, 2).astype(contract.dtype)
-            # a model that takes just so many crops gets some twice
+            # a model that takes just this many crops gets some twice
             filled = part[np.arange(fixed) % len(part)] if fixed else part
             logits[start : start + step] = self._run(filled)[: len(part)]
         return logits

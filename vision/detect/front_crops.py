@@ -7,8 +7,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 Image = NDArray[np.uint8]
-MOST_FINER = 8
-"""A crop is averaged from at most so many samples per pixel and axis; a box larger still loses detail to aliasing."""
+MAX_FINER = 8
+"""A crop is averaged from at most this many samples per pixel and axis; a box larger still loses detail to aliasing."""
 
 
 def rectify(image: Image, boxes: ArrayLike, side: int, margin: float = 0.0) -> Image:
@@ -35,7 +35,7 @@ def rectify(image: Image, boxes: ArrayLike, side: int, margin: float = 0.0) -> I
 
 def _rectified(image: Image, row: NDArray[np.float64], side: int, margin: float) -> Image:
     seen = np.maximum(row[2:4], 1.0) * (1.0 + margin)
-    finer = np.clip(np.ceil(seen / side), 1, MOST_FINER).astype(int)
+    finer = np.clip(np.ceil(seen / side), 1, MAX_FINER).astype(int)
     size = side * finer
     # image = c + R(angle) · diag(seen / size) · (crop − size / 2)
     c, s = np.cos(row[4]), np.sin(row[4])

@@ -2,8 +2,8 @@
 
 The model's contract (``training/export.py`` writes it): input ``image`` [1, H, W, 3] uint8 BGR, sides multiples
 of 32; output ``map`` [1, 9, H/4, W/4] float32 as read by ``vision.detect.decode_heatmap``; metadata ``rollcall``
-(version), ``stride``, ``nominal_length_m`` and ``nominal_length_px``: a vehicle of so many metres is found best at so
-many pixels.
+(version), ``stride``, ``nominal_length_m`` and ``nominal_length_px``: a vehicle of this many metres is found best at
+this many pixels.
 """
 
 from __future__ import annotations
@@ -28,18 +28,18 @@ Image = NDArray[np.uint8]
 ACCEPTED = "Rollcall's own (image [1, H, W, 3] uint8 → map [1, 9, H/4, W/4], metadata 'rollcall', 'stride')"
 
 DEFAULT_SCALE, DEFAULT_WIDTH = 0.5, 960
-"""How the model sees images in which nothing tells the scale: scaled by so much, but not made narrower than so many
-px, nor enlarged."""
+"""Scale of images in which nothing tells the scale: reduced by this much, but not made narrower than this many px, nor
+enlarged."""
 ENOUGH_M = 2.4
-"""In films in which vehicles alone tell the scale it is enough that they are seen as large as a vehicle of this length,
+"""Length of a vehicle at the size at which it suffices to see vehicles in films in which they alone tell the scale,
 where more would take longer than the scale above."""
 STILL_PX, FILM_PX = 1 << 20, 400_000
 """Pixels that are looked at at one scale to find the scale of an image, and of a film meanwhile."""
 SIDE_STEP = 32
 """Sides of a canvas are multiples of this, px."""
-LEAST_SIDE, MOST_SIDE = 64, 4096
+MIN_SIDE, MAX_SIDE = 64, 4096
 """Limits of a canvas side, px. Larger images are processed in tiles, which bounds the memory."""
-MOST_SCALE = 2.0
+MAX_SCALE = 2.0
 """Enlarging an image further adds no detail."""
 OVERLAP_LENGTHS = 4.0
 """Overlap of tiles, in vehicle lengths that the model was trained for: lorries are twice as long."""
@@ -52,7 +52,7 @@ PART_PRICE, QUICK_PART_PRICE = 1.3, 0.8
 
 
 class HeatmapDetector:
-    """See the module.
+    """Detector that reads vehicles from a network's heat map; see the module for the model's contract.
 
     Args:
         parts: a quicker network that gives the same map, for parts of images; None: the same one.
@@ -79,7 +79,7 @@ class HeatmapDetector:
         self._score = score
         try:
             self._stride = int(_ranged(notes, "stride", 1, SIDE_STEP))
-            self._length_px = _ranged(notes, "nominal_length_px", 1, MOST_SIDE)
+            self._length_px = _ranged(notes, "nominal_length_px", 1, MAX_SIDE)
             self._px_per_m = self._length_px / _ranged(notes, "nominal_length_m", 0.01, 100)
         except (KeyError, ValueError, ZeroDivisionError) as error:
             raise ModelError(
@@ -92,9 +92,9 @@ class HeatmapDetector:
         height, width = image.shape[:2]
         known = gsd_m is not None and np.isfinite(gsd_m) and gsd_m > 0.0
         scale = self.scale(gsd_m) if known and gsd_m else self._scale_of_still(image)
-        if max(width, height) * scale <= MOST_SIDE:
+        if max(width, height) * scale <= MAX_SIDE:
             return self._detect_at_scale(image, scale, self._score)
-        side = int(MOST_SIDE / scale)
+        side = int(MAX_SIDE / scale)
         tiles = tile_grid((width, height), (side, side), OVERLAP_LENGTHS * self._length_px / scale)
         return detect_in_tiles(
             image, tiles, lambda parts: [self._detect_at_scale(part, scale, self._score) for part in parts]
@@ -102,7 +102,7 @@ class HeatmapDetector:
 
     def scale(self, gsd_m: float) -> float:
         """See ``vision.detect.detector.PartialDetector``."""
-        return min(gsd_m * self._px_per_m, MOST_SCALE)
+        return min(gsd_m * self._px_per_m, MAX_SCALE)
 
     def detect_in(self, image: Image, parts: Sequence[Tile], *, gsd_m: float) -> Detections:
         """See ``vision.detect.detector.PartialDetector``; sides that are whole steps of a canvas are seen at once."""
@@ -115,22 +115,22 @@ class HeatmapDetector:
         return detect_in_tiles(image, parts, lambda images: [look(part) for part in images])
 
     def examine(self, image: Image, most_px: int = FILM_PX) -> Generator[None, None, ApparentLength | None]:
-        """How long vehicles are in an image, see ``vision.detect.apparent_length.examine``."""
-        return examine(image, partial(self._detect_at_scale, score=FLOOR), finest=MOST_SCALE, most_px=most_px)
+        """Measure the length of vehicles in an image, see ``vision.detect.apparent_length.examine``."""
+        return examine(image, partial(self._detect_at_scale, score=FLOOR), finest=MAX_SCALE, most_px=most_px)
 
     def film_gsd_m(self, image: Image, length_px: float | None) -> float:
         """See ``vision.detect.detector.MeasuringDetector``."""
         scale = default_scale(image)
         if length_px is not None:
             best, enough = (self._px_per_m * metres / length_px for metres in (CAR_M, ENOUGH_M))
-            scale = min(max(enough, min(best, scale)), MOST_SCALE)
+            scale = min(max(enough, min(best, scale)), MAX_SCALE)
         return float(scale / self._px_per_m)
 
     def _scale_of_still(self, image: Image) -> float:
         found = finish(self.examine(image, STILL_PX))
         if found is None:
             return default_scale(image)
-        return float(min(CAR_M / found.px * self._px_per_m, MOST_SCALE))
+        return float(min(CAR_M / found.px * self._px_per_m, MAX_SCALE))
 
     def _detect_at_scale(self, image: Image, scale: float, score: float) -> Detections:
         return self._detect_on(image, _canvas(image.shape[1], image.shape[0], scale), score, self._session)
@@ -153,7 +153,7 @@ class HeatmapDetector:
 
 
 def default_scale(image: Image) -> float:
-    """How an image (H, W, 3) is scaled in which nothing tells the scale."""
+    """Return the scale of an image (H, W, 3) in which nothing tells the scale."""
     return max(DEFAULT_SCALE, min(DEFAULT_WIDTH / float(max(image.shape[:2])), 1.0))
 
 
@@ -186,7 +186,7 @@ def _check_map(session: ort.InferenceSession, where: str) -> None:
 def _canvas(width: int, height: int, scale: float) -> tuple[int, int]:
     """(width, height) of the model's input: the nearest sides that are multiples of 32, neither tiny nor huge."""
     wide = max(width, height)
-    scale = max(min(scale, MOST_SIDE / wide), LEAST_SIDE / wide)
+    scale = max(min(scale, MAX_SIDE / wide), MIN_SIDE / wide)
     columns = max(round(width * scale / SIDE_STEP), 1)
     # the height follows from the width that was chosen, rounded up: the image fills the width
     rows = max(int(np.ceil(height * columns / width - 1e-9)), 1)

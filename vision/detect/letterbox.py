@@ -28,7 +28,7 @@ class Letterbox:
     scale_x: float
     scale_y: float
     left: int
-    """Margin, px; of an odd margin the smaller half, as YOLO models are trained."""
+    """Left margin, px; where the margins differ by one, the smaller, as YOLO models are trained."""
     top: int
 
     @classmethod
@@ -41,7 +41,7 @@ class Letterbox:
             image: (width, height) px.
             canvas: (width, height) px.
             most: largest scale: a smaller image has wider margins.
-            step: leave out margins by whole steps of so many px: the smallest canvas for a model that takes any
+            step: leave out margins by whole steps of this many px: the smallest canvas for a model that takes any
                 multiple of its stride; None keeps the canvas.
         """
         (w, h), (width, height) = image, canvas
@@ -111,7 +111,7 @@ def draw(image: NDArray[np.uint8], fit: Letterbox, *, average: bool) -> NDArray[
 
 
 def undo(found: Detections, fit: Letterbox, image: NDArray[np.uint8]) -> Detections:
-    """From the canvas to the image (H, W, 3); boxes centred on the margins are dropped."""
+    """Bring detections from the canvas to the image (H, W, 3); boxes centred on the margins are dropped."""
     height, width = image.shape[:2]
     boxes = fit.undo_boxes(found.boxes)
     cx, cy, w, h, _ = boxes.T

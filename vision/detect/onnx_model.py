@@ -26,18 +26,15 @@ RUN_ERRORS = (
     ValueError,
 )
 """All that onnxruntime raises, on loading as on running; the last three for sizes that it cannot have."""
-MOST_BYTES = 1 << 30
+MAX_BYTES = 1 << 30
 """Maximum bytes of a file: four times the largest YOLO."""
-MOST_WORDS = 300
-MOST_NOTES = 1 << 20
+MAX_WORDS = 300
+MAX_NOTES = 1 << 20
 """Letters of a table in the notes: a thousand classes take 30,000."""
 
 
 def open_session(path: Path, providers: Sequence[str], threads: int) -> ort.InferenceSession:
     """Load an ONNX file.
-
-    Args:
-        providers: onnxruntime execution providers in order of preference.
 
     Raises:
         ModelError: no such file, not an ONNX model, or a provider that is not installed.
@@ -54,8 +51,8 @@ def open_session(path: Path, providers: Sequence[str], threads: int) -> ort.Infe
     # between images its threads would wait by spinning: twice the processor time, taken from who receives telemetry
     options.add_session_config_entry("session.intra_op.allow_spinning", "0")
     options.log_severity_level = 3
-    if path.stat().st_size > MOST_BYTES:
-        raise ModelError(f"{path}: {path.stat().st_size} bytes are more than the {MOST_BYTES} that a model may have")
+    if path.stat().st_size > MAX_BYTES:
+        raise ModelError(f"{path}: {path.stat().st_size} bytes are more than the {MAX_BYTES} that a model may have")
     try:
         session = ort.InferenceSession(str(path), options, providers=list(providers), enable_fallback=0)
         described(session)
@@ -68,7 +65,7 @@ def open_session(path: Path, providers: Sequence[str], threads: int) -> ort.Infe
 
 def why(error: Exception) -> str:
     """Error of onnxruntime in a line; it may be pages of the file's own words."""
-    return plain(" ".join(str(error).split()))[:MOST_WORDS]
+    return plain(" ".join(str(error).split()))[:MAX_WORDS]
 
 
 def metadata(session: ort.InferenceSession) -> dict[str, str]:
@@ -87,7 +84,7 @@ def table(text: str) -> dict[object, object]:
     """
     if not text:
         return {}
-    if len(text) > MOST_NOTES:
+    if len(text) > MAX_NOTES:
         raise ValueError(f"is a table of {len(text)} letters")
     try:
         value = ast.literal_eval(text)

@@ -1,8 +1,8 @@
 """The scale of a film in which neither telemetry nor the camera's numbers tell what a pixel measures on the ground.
 
-Once in a while the vehicles themselves are measured (``vision.detect.apparent_length``), one scale a frame, which costs
-a frame as much again at most. What was found is kept until vehicles are clearly of another length, since the camera
-zoomed or climbed, twice in a row; where none are seen it stays as it was.
+Now and then the vehicles themselves are measured (``vision.detect.apparent_length``), at one scale in each frame, which
+at most doubles the work on that frame. The result is kept until vehicles are clearly of another length twice in a row,
+since the camera zoomed or climbed; where none are seen it stays as it was.
 """
 
 from __future__ import annotations
@@ -18,7 +18,8 @@ from vision.detect.detector import Detector, DetectorAround, MeasuringDetector
 Image = NDArray[np.uint8]
 
 SEARCH_US, WATCH_US = 2_000_000, 4_000_000
-"""Interval of examinations while the scale is in question, and while it is not. One takes as long as three frames."""
+"""Interval of measurements while the scale is in question, and while it is not. A measurement takes as long as three
+frames."""
 OTHER = 1.25
 """Vehicles longer or shorter by this factor are of another length: several times the error of an examination."""
 
@@ -43,7 +44,7 @@ class ScaleFinder:
         self._size = (0, 0)
         self._next_us: int | None = None
         self._doubt_px: float | None = None
-        self._told_px: float | None = None
+        self._reported_px: float | None = None
         self.length_px: float | None = None
 
     def gsd_m(self, image: Image, t_us: int, known_m: float | None) -> float | None:
@@ -69,9 +70,9 @@ class ScaleFinder:
 
     def news(self) -> str:
         """Change since the last call, one line, empty for nothing."""
-        if self.length_px == self._told_px:
+        if self.length_px == self._reported_px:
             return ""
-        before, self._told_px = self._told_px, self.length_px
+        before, self._reported_px = self._reported_px, self.length_px
         if self.length_px is None:
             return "scale: lost with the frames' size"
         text = f"ground resolution unknown: vehicles are about {self.length_px:.0f} px long"

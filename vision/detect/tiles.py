@@ -13,7 +13,7 @@ from vision.detect.detections import Detections
 
 SAME = 0.45
 """Boxes of two tiles that overlap more (probabilistic IoU) are one vehicle's."""
-MOST_COMPARED = 1000
+MAX_COMPARED = 1000
 """Boxes of all tiles, the best ones: to compare all with all takes the square of their number in time and memory."""
 
 
@@ -63,8 +63,8 @@ def detect_in_tiles(
     columns = np.concatenate([part.table for part in parts], axis=1)
     cx, cy, w, h, angle, score, heading = columns
     found = Detections(cx=cx, cy=cy, w=w, h=h, angle=angle, score=score, heading=heading)
-    if len(found) > MOST_COMPARED:
-        found = found.select(np.sort(np.argsort(-score, kind="stable")[:MOST_COMPARED]))
+    if len(found) > MAX_COMPARED:
+        found = found.select(np.sort(np.argsort(-score, kind="stable")[:MAX_COMPARED]))
     return found.select(nms(found.boxes, found.score, SAME))
 
 

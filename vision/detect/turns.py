@@ -42,49 +42,49 @@ TILE_PX, OVERLAP_PX = 320, 48
 """Side of a tile of the rounds, at most, and the overlap of two, px of the canvas."""
 ROUND_S = 0.9
 """Time in which the whole picture is gone through."""
-MOST_ROUND = 0.6
+MAX_ROUND = 0.6
 """Share of a frame's pixels for the rounds at most, however slow frames come."""
 WORTH_FRAMES = 1.3
 """Frames' worth of pixels up to which a picture is looked at as a whole: turns would save a sixth, and miss more."""
 FIRST_FRAMES, LONGEST_US = 10, 1_500_000
-"""A first frame, or one so long after the last, is looked at as a whole where that is no more than so many frames'
+"""A first frame, or one this long after the last, is looked at as a whole where that is no more than this many frames'
 worth of pixels: names begin at once, half a second late at the most."""
-MOST_ALONE = 0.4
+MAX_ALONE = 0.4
 """Share of what is left of a frame's pixels for reports that nothing explains: many may be wrong."""
 REPORTED_US = 350_000
-"""Where a vehicle reports to be and none was found is looked at again after so long."""
+"""Time after which the place where a vehicle reports to be and none was found is looked at again."""
 KEPT_US, FORGOTTEN_US, AGAIN_US = 1_000_000, 3_000_000, 1_500_000
-"""A place is given up when nothing was found there for so long although it was looked at; in any case; and one that was
-only proposed, and is empty, may be proposed again."""
-MOST_PLACES = 300
+"""A place is given up when nothing was found there for this long although it was looked at; in any case; and one that
+was only proposed, and is empty, may be proposed again."""
+MAX_PLACES = 300
 """Places that are followed, at most."""
-REACH_PX, MOST_REACH_PX = 40.0, 130.0
-"""A box is the vehicle of a place, and a report that of one, within so many px of the canvas and σ of the report; of a
-report no more is looked at."""
+REACH_PX, MAX_REACH_PX = 40.0, 130.0
+"""A box is the vehicle of a place, and a report that of one, within this many px of the canvas and σ of the report; of
+a report no more is looked at."""
 FOLLOWS = 0.5
 """Share of a new velocity in that of a place."""
 
 
 class _LookPlace(NamedTuple):
-    """Where to look, px of the image."""
+    """Place to look at, px of the image."""
 
     at: Point
-    """Where it is expected in this frame."""
+    """Position at which it is expected in this frame."""
     base: Point = (math.nan, math.nan)
-    """Where it was in the last frame, or, while it goes unseen, in the last but one."""
+    """Position in the last frame, or, while it goes unseen, in the last but one."""
     unseen: bool = False
     v: Point = (0.0, 0.0)
     """px/s, the camera's motion taken out."""
     seen_us: int = 0
-    """When a vehicle was found there last; 0: never, it is only proposed."""
+    """Time at which a vehicle was found there last; 0: never, it is only proposed."""
     looked_us: int = 0
-    """When it was looked at last; 0 never."""
+    """Time at which it was looked at last; 0 never."""
     reach_px: float = REACH_PX
-    """How far from it the vehicle may be, px of the canvas."""
+    """Distance from it at which the vehicle may be, px of the canvas."""
     of_report: bool = False
     """A vehicle reports to be there, and none was found: it is for this frame alone."""
     empty: bool = False
-    """It was proposed, looked at, and nothing is there."""
+    """True if it was proposed, looked at, and nothing is there."""
 
     def lasts(self, t_us: int, *, looked: bool) -> bool:
         """Tell whether it is kept after a frame in which nothing was found there."""
@@ -143,7 +143,7 @@ class LookInTurns:
         places += _apart(proposed, places, REACH_PX / scale)
         asked = reported()
         left_px = detector.frame_px / detector.part_price - used_px
-        places += _fitting(self._reports_alone(asked, places, scale, (width, height)), MOST_ALONE * left_px)
+        places += _fitting(self._reports_alone(asked, places, scale, (width, height)), MAX_ALONE * left_px)
         # what was never looked at comes first, then what was not for longest
         order = sorted((place for place in places if not place.empty), key=lambda place: (place.looked_us, place.at))
         parts = _parts(order, scale, (width, height), left_px)
@@ -171,7 +171,7 @@ class LookInTurns:
         side = math.ceil(TILE_PX / scale)
         tiles = tile_grid((width, height), (side, side), OVERLAP_PX / scale)
         each_px = (tiles[0].right - tiles[0].left) * (tiles[0].bottom - tiles[0].top) * scale**2
-        room = min(max(int(MOST_ROUND * frame_px / each_px), 1), len(tiles))
+        room = min(max(int(MAX_ROUND * frame_px / each_px), 1), len(tiles))
         if len(tiles) != len(self._tiles_us):
             self._tiles_us, self._due = [0] * len(tiles), float(room)
         self._due = min(self._due + len(tiles) * dt / ROUND_S, len(tiles))
@@ -196,7 +196,7 @@ class LookInTurns:
         """Places of the reports that no place explains, where nobody looked for a while."""
         known = np.array([place.at for place in places if place.seen_us]).reshape(-1, 2)
         for system_id, (x, y, std) in reported.items():
-            reach = min(REACH_PX + 2.0 * std * scale, MOST_REACH_PX)
+            reach = min(REACH_PX + 2.0 * std * scale, MAX_REACH_PX)
             last_us = self._reported_us.get(system_id, 0)
             due = not last_us or self._t_us - last_us >= REPORTED_US
             if not (due and 0.0 <= x <= size[0] and 0.0 <= y <= size[1]):
@@ -230,7 +230,7 @@ class LookInTurns:
         kept = [place for k, place in enumerate(after) if k in box_of or place.lasts(t_us, looked=looked[k])]
         begun = [j for j in sorted(free) if found.score[j] >= self._score]
         kept += [_seen(_LookPlace(at=(x, y)), (x, y), t_us) for x, y in centre[begun].tolist()]
-        return sorted(kept, key=lambda place: -place.seen_us)[:MOST_PLACES]
+        return sorted(kept, key=lambda place: -place.seen_us)[:MAX_PLACES]
 
 
 def in_turns(detector: Detector, size: tuple[int, int], gsd_m: float | None) -> TypeGuard[PartialDetector]:
@@ -275,7 +275,8 @@ def _apart(proposed: Detections, places: Sequence[_LookPlace], reach: float) -> 
 
 
 def _fitting(places: Iterable[_LookPlace], most_px: float) -> list[_LookPlace]:
-    """Choose the places that were not looked at for longest, as many as so many px of the canvas hold, at least one."""
+    """Choose the places that were not looked at for longest, as many as fit into so many px of the canvas hold, at
+    least one."""
     chosen, used = list[_LookPlace](), 0.0
     for place in sorted(places, key=lambda place: (place.looked_us, place.at)):
         used += (2.0 * (place.reach_px + BORDER_PX)) ** 2

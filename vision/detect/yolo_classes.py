@@ -1,4 +1,4 @@
-"""Which classes of a YOLO model are vehicles: read from the names that the model carries."""
+"""Classes of a YOLO model that are vehicles: read from the names that the model carries."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ VEHICLE_WORDS = frozenset(
 )
 """A class counts when one of these is a word of its name: DOTA's "small vehicle" and "large vehicle", COCO's car, bus
 and truck, VisDrone's car, van, truck and bus, VEDAI's pick-up, camping car and tractor."""
-MOST_TOLD = 30
+MAX_SHOWN = 30
 """Classes that a message names."""
 NOT_ON_ROADS = frozenset(("aerial", "maritime", "park", "parking", "plate", "railway", "space", "train"))
 """A class with one of these words in its name does not: a car park, a railway vehicle, a licence plate of a car."""
@@ -53,7 +53,7 @@ def class_names(metadata: Mapping[str, str]) -> dict[int, str]:
 
 
 def vehicle_classes(names: Mapping[int, str], classes: int, wanted: Collection[str] | None = None) -> NDArray[np.intp]:
-    """Which classes count.
+    """Choose the classes that count.
 
     Args:
         names: of the model; empty when unknown.
@@ -91,8 +91,8 @@ def _named(names: Mapping[int, str], classes: int, wanted: Collection[str]) -> l
 
 
 def _class_list(names: Mapping[int, str], classes: int) -> str:
-    if len(names) > MOST_TOLD:
-        return ", ".join([*list(names.values())[:MOST_TOLD], f"and {len(names) - MOST_TOLD} more"])
+    if len(names) > MAX_SHOWN:
+        return ", ".join([*list(names.values())[:MAX_SHOWN], f"and {len(names) - MAX_SHOWN} more"])
     return ", ".join(names.values()) if names else f"they have no names, only the numbers 0 to {classes - 1}"
 
 

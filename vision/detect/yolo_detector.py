@@ -30,11 +30,11 @@ Image = NDArray[np.uint8]
 
 VEHICLE_M = 2.5
 """Length of the smallest vehicle that matters."""
-LEAST_LENGTH_PX, GOOD_LENGTH_PX = 12.0, 16.0
+MIN_LENGTH_PX, GOOD_LENGTH_PX = 12.0, 16.0
 """An image is tiled when such a vehicle would be shorter on the canvas than the first, so that it has the second."""
 OVERLAP_LENGTHS = 4.0
 """Overlap of tiles, in vehicles: lorries are twice as long."""
-MOST_TILES, FILM_TILES = 16, 6
+MAX_TILES, FILM_TILES = 16, 6
 """Tiles of one image, which bounds the time, and of a frame of a film whose scale the vehicles alone tell. Six are
 3 × 2 in a frame of 16:9, enough for a canvas of 640 px to see 1080 lines almost as they are; each takes as long as a
 whole frame, and with more of them a film would be followed at a frame or two a second for a length that is a guess."""
@@ -47,7 +47,7 @@ UNNAMED = 1000
 
 
 class YoloDetector:
-    """See ``vision.detect.yolo_layout`` for the exports that are read.
+    """Detector that runs a YOLO-OBB export; see ``vision.detect.yolo_layout`` for the exports that are read.
 
     Args:
         score: boxes of this score or less are dropped.
@@ -122,7 +122,7 @@ class YoloDetector:
         return CAR_M / found.px if found else self._whole_gsd_m(image)
 
     def _whole(self, image: Image) -> float:
-        """By how much an image (H, W, 3) is scaled when the whole of it is fitted into the canvas."""
+        """Return the factor by which an image (H, W, 3) is scaled when the whole of it is fitted into the canvas."""
         high, wide = self._input.imgsz
         return float(min(high / image.shape[0], wide / image.shape[1]))
 
@@ -136,12 +136,12 @@ class YoloDetector:
         high, wide = self._input.imgsz
         whole, length_px = self._whole(image), VEHICLE_M / gsd_m
         scale = min(GOOD_LENGTH_PX / length_px, 1.0)
-        if not self._tiled or length_px * whole >= LEAST_LENGTH_PX or whole >= scale:
+        if not self._tiled or length_px * whole >= MIN_LENGTH_PX or whole >= scale:
             return ()
         while scale > whole:
             size = (round(wide / scale), round(high / scale))
             tiles = tile_grid((width, height), size, OVERLAP_LENGTHS * length_px)
-            if len(tiles) <= MOST_TILES:
+            if len(tiles) <= MAX_TILES:
                 return tiles
             scale *= 0.9
         return ()

@@ -37,11 +37,11 @@ BOX_COLUMNS = 7
 """Columns of an output of boxes: x y w h, score, class, angle."""
 _DIGITS = 18
 """Most digits of a number in the metadata."""
-MOST_SIDE = 8192
+MAX_SIDE = 8192
 """Maximum side of a canvas, px."""
-MOST_PIXELS = 1 << 25
+MAX_PIXELS = 1 << 25
 """Maximum pixels of all canvases of a run, 400 MB: 32 of 1024 × 1024."""
-MOST_VALUES = 1 << 26
+MAX_VALUES = 1 << 26
 """Maximum values of an output, 256 MB: 65,536 for each of 1,000 boxes, or 80 classes per anchor of 6000 × 6000 px."""
 _KINDS: dict[str, np.dtype[np.float32] | np.dtype[np.float16]] = {
     "tensor(float)": np.dtype(np.float32),
@@ -67,7 +67,7 @@ class YoloInput:
     names: Mapping[int, str]
     """Names of the classes; empty when unknown."""
     suppressed: bool
-    """By the metadata the output holds boxes, not anchors."""
+    """True if the output holds boxes, not anchors, by the metadata."""
 
 
 def read_input(session: ort.InferenceSession, imgsz: int | None = None) -> YoloInput:
@@ -104,7 +104,7 @@ def read_input(session: ort.InferenceSession, imgsz: int | None = None) -> YoloI
 
 
 def output_form(shape: tuple[int, ...], names: Mapping[int, str], anchors: frozenset[int], suppressed: bool) -> Form:
-    """How an output is to be read.
+    """Tell how an output is to be read.
 
     Seven columns are boxes, unless the model has two classes (4 + 2 + 1 = 7) and as many rows as it has anchors.
 
@@ -142,10 +142,10 @@ def _bound(batch: int, canvas: tuple[int, int], stride: int, output: Sequence[ob
         ValueError: names what is too large.
     """
     height, width = canvas
-    if max(height, width, stride) > MOST_SIDE or batch * height * width > MOST_PIXELS:
+    if max(height, width, stride) > MAX_SIDE or batch * height * width > MAX_PIXELS:
         raise ValueError(
-            f"it takes {batch} × {width} × {height} px in steps of {stride} px; the most are {MOST_SIDE} px a side and "
-            f"{MOST_PIXELS} in all"
+            f"it takes {batch} × {width} × {height} px in steps of {stride} px; the most are {MAX_SIDE} px a side and "
+            f"{MAX_PIXELS} in all"
         )
     check_size([n for n in output if isinstance(n, int) and n > 0])
 
@@ -156,12 +156,12 @@ def check_size(output: Sequence[int]) -> None:
     Raises:
         ValueError: it is.
     """
-    if math.prod(output) > MOST_VALUES:
-        raise ValueError(f"its output {shape_text(output)} has more than {MOST_VALUES} numbers")
+    if math.prod(output) > MAX_VALUES:
+        raise ValueError(f"its output {shape_text(output)} has more than {MAX_VALUES} numbers")
 
 
 def anchor_counts(height: int, width: int) -> frozenset[int]:
-    """How many anchors models have on a canvas, px: one for each cell of each level's grid."""
+    """Return the numbers of anchors that models have on a canvas, px: one for each cell of each level's grid."""
     return frozenset(sum(-(-height // s) * -(-width // s) for s in strides) for strides in LEVELS)
 
 

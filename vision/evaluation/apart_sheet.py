@@ -27,8 +27,8 @@ AROUND = 2.2
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Odd:
-    """Something of which two detectors think differently."""
+class Disagreement:
+    """Detection about which two detectors disagree."""
 
     image: int
     box: NDArray[np.float64]
@@ -36,9 +36,9 @@ class Odd:
     score: float
 
 
-def odd_ones(
+def disagreements(
     one: Sequence[Detections], other: Sequence[Detections], truth: Sequence[Truth], score: float
-) -> tuple[list[Odd], list[Odd]]:
+) -> tuple[list[Disagreement], list[Disagreement]]:
     """Objects that only one finds, and its false alarms where the other has none; highest score first."""
     found, alarms = [], []
     for k, (mine, theirs, t) in enumerate(zip(one, other, truth, strict=True)):
@@ -47,7 +47,7 @@ def odd_ones(
         apart = np.linalg.norm(mine.centre[:, None] - theirs.centre[None], axis=2).min(axis=1, initial=np.inf)
         same = apart < 0.5 * mine.boxes[:, 2:4].max(axis=1, initial=0.0)
         for i in range(len(mine)):
-            odd = Odd(image=k, box=mine.boxes[i], score=float(mine.score[i]))
+            odd = Disagreement(image=k, box=mine.boxes[i], score=float(mine.score[i]))
             if number[i] >= 0 and number[i] not in seen:
                 found.append(odd)
             elif number[i] == FALSE_ALARM and not same[i]:
@@ -55,12 +55,8 @@ def odd_ones(
     return sorted(found, key=lambda o: -o.score), sorted(alarms, key=lambda o: -o.score)
 
 
-def apart_sheet(images: Sequence[LabelledImage], kinds: Sequence[tuple[str, Sequence[Odd]]]) -> Image:
-    """Tiles under a title for each kind, (H, W, 3) BGR.
-
-    Args:
-        kinds: title and what belongs to it; the first ones are shown.
-    """
+def apart_sheet(images: Sequence[LabelledImage], kinds: Sequence[tuple[str, Sequence[Disagreement]]]) -> Image:
+    """Tiles under a title for each kind, (H, W, 3) BGR."""
     shown = {odd.image for _, odds in kinds for odd in odds[: COLUMNS * ROWS]}
     # one image in memory at a time: 4K images by the hundred are too many
     tiles: dict[tuple[int, int], Image] = {}
@@ -73,7 +69,7 @@ def apart_sheet(images: Sequence[LabelledImage], kinds: Sequence[tuple[str, Sequ
     return np.vstack([_block(title, odds, tiles, n) for n, (title, odds) in enumerate(kinds)])
 
 
-def _block(title: str, odds: Sequence[Odd], tiles: dict[tuple[int, int], Image], n: int) -> Image:
+def _block(title: str, odds: Sequence[Disagreement], tiles: dict[tuple[int, int], Image], n: int) -> Image:
     shown = min(len(odds), COLUMNS * ROWS)
     rows = max(-(-shown // COLUMNS), 1)
     block = np.full((TITLE_PX + rows * TILE_PX, COLUMNS * TILE_PX, 3), GROUND, np.uint8)
@@ -85,7 +81,7 @@ def _block(title: str, odds: Sequence[Odd], tiles: dict[tuple[int, int], Image],
     return block
 
 
-def _tile(pixels: Image, odd: Odd, truth: Truth) -> Image:
+def _tile(pixels: Image, odd: Disagreement, truth: Truth) -> Image:
     scale = TILE_PX / (AROUND * max(odd.box[2], odd.box[3], 1.0))
     # pixel centres: the middle of the tile is the middle of the box
     shift = 0.5 * TILE_PX - scale * odd.box[:2]

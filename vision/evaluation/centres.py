@@ -19,11 +19,7 @@ Floats = NDArray[np.float64]
 
 
 def match_centres(found: Detections, truth: Truth) -> Matches:
-    """Pair detections with objects by their centres; one threshold, which is none.
-
-    Args:
-        found: m detections.
-    """
+    """Pair detections with objects by their centres; there is no threshold of overlap."""
     far = _distance(found.centre, truth.boxes)
     free = np.where(truth.counts, far, np.inf)
     number = np.full(len(found), FALSE_ALARM, dtype=np.int64)

@@ -23,7 +23,7 @@ from infra.files.safe_open import read_small
 from vision.errors import LabelError
 from vision.evaluation.truth import Truth
 
-MOST_BYTES = 1 << 30
+MAX_BYTES = 1 << 30
 """COCO's own file of the training images has half of that."""
 
 
@@ -93,7 +93,7 @@ def read_coco(path: Path) -> tuple[dict[str, Truth], int]:
 
 def _read(path: Path) -> bytes:
     try:
-        return read_small(path, MOST_BYTES)
+        return read_small(path, MAX_BYTES)
     except OSError as error:
         raise LabelError(f"{path}: cannot be read: {error.strerror}") from error
 

@@ -51,7 +51,7 @@ class Folder:
 
     format: Format
     images: tuple[LabelledImage, ...]
-    """In the order of their names."""
+    """Images in the order of their names."""
     unlabelled: int
     """Images without a label file, or of which none of COCO's files tells."""
     missing: int = 0
@@ -93,7 +93,7 @@ def open_folder(
         return _open_coco(path, paths)
     if not pairs:
         raise LabelError(f"{path}: {len(paths)} images, none with labels; wanted {WANTED}")
-    kind = format or _told_format([label for _, label in pairs])
+    kind = format or _recognised_format([label for _, label in pairs])
     called = dict(enumerate(names)) if names is not None else _class_names(path)
     read = partial(_read, kind=kind, names=called, corners_tell_front=corners_tell_front)
     images, without_area = [], 0
@@ -156,8 +156,8 @@ def _label_of(image: Path) -> Path | None:
     return next((place for place in places if place.is_file()), None)
 
 
-def _told_format(labels: Sequence[Path]) -> Format:
-    """From the first line with content."""
+def _recognised_format(labels: Sequence[Path]) -> Format:
+    """Tell the format from the first line with content."""
     for path in labels:
         for i, line in enumerate(read_text(path).splitlines(), 1):
             if not line.strip():

@@ -27,7 +27,7 @@ from vision.errors import LabelError
 from vision.evaluation.truth import REGION, Truth
 
 Floats = NDArray[np.float64]
-MOST_BYTES = 64 << 20
+MAX_BYTES = 64 << 20
 """Maximum bytes of the labels of one image."""
 Row = tuple[Floats, float, str, bool, int]
 """Box (5,), heading, class, whether it counts, how hidden it is."""
@@ -47,7 +47,7 @@ VISDRONE = (
     "others",
 )
 """Category names, in order."""
-_LEAST_PX = 1e-3
+_MIN_PX = 1e-3
 BEYOND = 0.5
 """Largest distance beyond the image of a corner of a normalised label, shares of its sides."""
 
@@ -156,7 +156,7 @@ def read_text(path: Path) -> str:
         LabelError: it cannot be read, or is not UTF-8.
     """
     try:
-        return read_small(path, MOST_BYTES).decode("utf-8-sig")
+        return read_small(path, MAX_BYTES).decode("utf-8-sig")
     except (OSError, UnicodeDecodeError) as error:
         raise LabelError(f"{path}: cannot be read as text: {error}; save it as UTF-8") from error
 
@@ -206,7 +206,7 @@ def _rectangle(points: Floats, corners_tell_front: bool) -> tuple[Floats, float]
 
 def _label_file(rows: Sequence[Row], upright: bool, gsd_m: float = math.nan) -> LabelFile:
     """Label file of the boxes that have an area."""
-    kept = [row for row in rows if min(row[0][2:4]) > _LEAST_PX]
+    kept = [row for row in rows if min(row[0][2:4]) > _MIN_PX]
     return LabelFile(truth=_truth(kept, upright), gsd_m=gsd_m, without_area=len(rows) - len(kept))
 
 

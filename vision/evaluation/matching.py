@@ -21,7 +21,7 @@ Floats = NDArray[np.float64]
 THRESHOLDS: Floats = np.linspace(0.5, 0.95, 10)
 """Thresholds of intersection over union."""
 FALSE_ALARM, ASIDE = -1, -2
-"""In place of an object's number: nothing is there; what is there does not count."""
+"""Numbers in place of an object's: nothing is there; what is there does not count."""
 MOSTLY = 0.5
 """A detection with this share inside an object that does not count is set aside: more of it inside than outside."""
 

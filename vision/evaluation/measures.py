@@ -47,7 +47,7 @@ class Directions:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Centres:
-    """Judged by centres alone: a detection is right if its centre lies in an object, one detection for each."""
+    """Figures by centres alone: a detection is right if its centre lies in an object, one detection for each."""
 
     ap: float
     precision: float
@@ -71,11 +71,11 @@ class Evaluation:
 
     images: int
     objects: int
-    """That count."""
+    """Number of objects that count."""
     aside: int
     """Labelled, but neither help nor hurt."""
     detections: int
-    """At the operating score, those set aside left out."""
+    """Number of detections at the operating score, those set aside left out."""
     score: float
     """Operating score."""
     floor: float
@@ -83,7 +83,7 @@ class Evaluation:
     ap50: float
     ap50_95: float
     ap: tuple[float, ...]
-    """At each of the thresholds 0.50, 0.55, … 0.95."""
+    """Average precision at each of the thresholds 0.50, 0.55, … 0.95."""
     precision: float
     recall: float
     centre_px: float

@@ -25,7 +25,7 @@ class ScoreBin:
     """Detections of similar score and length; those set aside are left out."""
 
     score: tuple[float, float]
-    """From, and below; the last class includes 1."""
+    """Bounds of the score: from, and below; the last class includes 1."""
     length_px: tuple[float, float]
     """Longer side, from and below."""
     detections: int

@@ -14,13 +14,19 @@ from vision.evaluation.measures import USUAL_PRECISION, Evaluation
 from vision.evaluation.reliability import ScoreBin
 from vision.evaluation.shares import Share, range_name
 
+WORDS = """\
+AP: area under the precision-recall curve, all-point interpolation; AP50-95 is the mean over overlaps of 0.50 to 0.95.
+Detections are matched image by image, best score first, each object once. The detector returns no classes: AP50 of a
+class sets the others' objects aside and holds every false alarm against it, which is hard on rare ones. Centres: a
+detection is right if its centre lies in an object, which is fair where labels are upright boxes around turned vehicles;
+thirds are of each image's objects, from the top down. Share right: of detections of this score and length, by centres
+with upright labels, by overlap with others. 95 % of a difference: over draws of the images, so that other images of
+their kind are expected to be within; it is – for one image."""
+"""Meaning of the figures."""
+
 
 def as_json(result: Evaluation, about: Mapping[str, Any], beside: Comparison | None = None) -> str:
-    """Everything; unknown numbers are null.
-
-    Args:
-        beside: another detector's.
-    """
+    """All figures as JSON; unknown numbers are null."""
     figures = asdict(result)
     figures = {"pictures": figures.pop("images"), **figures}  # the key of earlier files
     if beside is not None:
@@ -38,11 +44,7 @@ def as_markdown(result: Evaluation, about: Mapping[str, Any], beside: Comparison
 def tables(
     result: Evaluation, about: Mapping[str, Any], beside: Comparison | None = None
 ) -> Iterator[tuple[Sequence[str], Sequence[Sequence[str]]]]:
-    """Names of the columns, and the rows, of each table; numbers are in all columns but the first.
-
-    Args:
-        beside: another detector's figures.
-    """
+    """Names of the columns, and the rows, of each table; numbers are in all columns but the first."""
     yield ("what", "which"), [(k, str(v)) for k, v in about.items()]
     yield ("figure", "value"), _figures(result)
     for title, shares, with_ap in (
@@ -71,17 +73,6 @@ def comparison_tables(
     ):
         if mine:
             yield _recalls(title, mine, theirs, beside.against)
-
-
-WORDS = """\
-AP: area under the precision-recall curve, all-point interpolation; AP50-95 is the mean over overlaps of 0.50 to 0.95.
-Detections are matched image by image, best score first, each object once. The detector returns no classes: AP50 of a
-class sets the others' objects aside and holds every false alarm against it, which is hard on rare ones. Centres: a
-detection is right if its centre lies in an object, which is fair where labels are upright boxes around turned vehicles;
-thirds are of each image's objects, from the top down. Share right: of detections of this score and length, by centres
-with upright labels, by overlap with others. 95 % of a difference: over draws of the images, so that other images of
-their kind are expected to be within; it is – for one image."""
-"""Meaning of the figures."""
 
 
 def _figures(r: Evaluation) -> list[tuple[str, str]]:

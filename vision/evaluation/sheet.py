@@ -39,11 +39,7 @@ def worst(
 
 
 def worst_sheet(images: Sequence[LabelledImage], found: Sequence[Detections], score: float, most: int = 4) -> Image:
-    """Tiles of the worst frames in two columns, (H, W, 3) BGR.
-
-    Args:
-        images: judged ones, at least one.
-    """
+    """Tiles of the worst frames in two columns, (H, W, 3) BGR."""
     tiles = [
         _tile(images[i], found[i], score, f"{images[i].name}: {misses} missed, {false} false alarms")
         for i, misses, false in worst(images, found, score, most)

@@ -76,7 +76,7 @@ class LabelledImage:
     """A training crop: Rollcall's own network takes it unscaled."""
 
     def ground_resolution_m(self, native_m: float | None) -> float | None:
-        """Resolution that a detector is told, metres per pixel, None unknown.
+        """Resolution that is given to a detector, metres per pixel, None unknown.
 
         Args:
             native_m: at which the detector sees images unscaled, None for one that does not scale them.

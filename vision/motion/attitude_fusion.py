@@ -7,7 +7,7 @@ drift. An extended Kalman filter has both: its state is
     x = (ξ, β, δ, g₁, v₁, g₂, v₂, …)
 
 with the error ξ of the camera's rotation R (camera frame, R_true = R Exp ξ), the rate β of a sway that telemetry does
-not show, the lag δ of telemetry behind the video, and place g and velocity v of up to ``MOST_TRACKS`` vehicles on the
+not show, the lag δ of telemetry behind the video, and place g and velocity v of up to ``MAX_TRACKS`` vehicles on the
 ground, which drive straight but for white acceleration. From frame to frame R turns by a share of what telemetry turns,
 and by β; where the images themselves show the turn, by that alone. A sample of attitude measures R at its own time, and
 the box of a track measures R and the vehicle's place together. By what telemetry errs constantly the places are turned
@@ -31,6 +31,41 @@ from vision.motion.fused_evidence import ReportedRotation, SeenTracks
 from vision.motion.rotation import turned_by, vector_of
 
 Floats = NDArray[np.float64]
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+MAX_TRACKS = 12
+"""Vehicles in the state: more hardly make the rotation better, and cost grows with their cube."""
+LOST_US = 600_000
+"""A vehicle that was not seen for this long is given up."""
+LONGEST_US = 1_000_000
+"""Longest pause between two frames; after a longer one the filter starts again."""
+ACCELERATION = 1.5
+"""Square root of the spectral density of the vehicles' acceleration, m/s^1.5: drivers brake and turn."""
+FIRST_SPEED = 6.0
+"""1σ of the velocity of a vehicle just seen, m/s."""
+SWAY, SWAY_S = np.deg2rad(3.0), 0.4
+"""1σ and correlation time of the sway of a body about level, where no attitude is sent."""
+TURN, MIN_TURN, MAX_TURN = np.deg2rad(0.3), np.deg2rad(0.01), np.deg2rad(6.0)
+"""1σ of what is missed of a frame's rotation: to begin with, and the limits of what is learnt."""
+RATE, MIN_RATE, MAX_RATE, RATE_S = np.deg2rad(5.0), np.deg2rad(0.1), np.deg2rad(60.0), 0.12
+"""1σ of what is missed of β, rad/s: to begin with, and the limits of what is learnt; and its correlation time."""
+SAMPLE, MIN_SAMPLE, MAX_SAMPLE = np.deg2rad(0.3), np.deg2rad(0.05), np.deg2rad(3.0)
+"""1σ of the noise of a sample: to begin with, and the limits of what is learnt."""
+LAG_S, LAG_WANDER = 0.04, 1e-3
+"""1σ of the lag, s, also of one that was searched for, and of its change in one second."""
+MEMORY = 40.0
+"""Innovations over which noise is learnt."""
+MAX_SURPRISE = 10.0
+"""Squared innovations count at most this many times what was expected: one wild frame teaches little."""
+OUTLIER, STRAYED = 3.0, 8.0
+"""A box this many σ from where it should be weighs less: a track may have gone on with another vehicle. This many, and
+its vehicle is taken again."""
+TELLING = 3
+"""Boxes that show how the camera turned; where there are fewer, their vehicles may have moved."""
+STEEP = 0.06
+"""Sine of the least angle below the horizon at which a box tells a place on the ground."""
+XI, BETA, LAG, BASE = slice(0, 3), slice(3, 6), 6, 7
+"""Indices of ξ, β and δ in the state; the vehicles follow, four states each."""
 
 
 def image_jacobians(d: Floats, R: Floats) -> tuple[Floats, Floats, Floats]:
@@ -79,49 +114,11 @@ def _cross(v: Floats) -> Floats:
     return K
 
 
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
-
-MOST_TRACKS = 12
-"""Vehicles in the state: more hardly make the rotation better, and cost grows with their cube."""
-LOST_US = 600_000
-"""A vehicle that was not seen for so long is given up."""
-LONGEST_US = 1_000_000
-"""After a longer pause between two frames the filter begins anew."""
-ACCELERATION = 1.5
-"""Square root of the spectral density of the vehicles' acceleration, m/s^1.5: drivers brake and turn."""
-FIRST_SPEED = 6.0
-"""1σ of the velocity of a vehicle just seen, m/s."""
-SWAY, SWAY_S = np.deg2rad(3.0), 0.4
-"""1σ and correlation time of the sway of a body about level, where no attitude is sent."""
-TURN, LEAST_TURN, MOST_TURN = np.deg2rad(0.3), np.deg2rad(0.01), np.deg2rad(6.0)
-"""1σ of what is missed of a frame's rotation: to begin with, and the limits of what is learnt."""
-RATE, LEAST_RATE, MOST_RATE, RATE_S = np.deg2rad(5.0), np.deg2rad(0.1), np.deg2rad(60.0), 0.12
-"""The same for β, rad/s, and its correlation time."""
-SAMPLE, LEAST_SAMPLE, MOST_SAMPLE = np.deg2rad(0.3), np.deg2rad(0.05), np.deg2rad(3.0)
-"""The same for the noise of a sample."""
-LAG_S, LAG_WANDER = 0.04, 1e-3
-"""1σ of the lag, s, also of one that was searched for, and of its change in one second."""
-MEMORY = 40.0
-"""Innovations over which noise is learnt."""
-MOST_SURPRISE = 10.0
-"""Squared innovations count at most so many times what was expected: one wild frame teaches little."""
-OUTLIER, STRAYED = 3.0, 8.0
-"""A box so many σ from where it should be weighs less: a track may have gone on with another vehicle. So many, and
-its vehicle is taken anew."""
-TELLING = 3
-"""Boxes that show how the camera turned; where there are fewer, their vehicles may have moved."""
-STEEP = 0.06
-"""Sine of the least angle below the horizon at which a box tells a place on the ground."""
-XI, BETA, LAG, BASE = slice(0, 3), slice(3, 6), 6, 7
-"""Indices of ξ, β and δ in the state; the vehicles follow, four states each."""
-
-
 class AttitudeFusion:
     """The filter, fed with one frame after the other.
 
     Attributes:
-        lag_s: by how much telemetry's attitude is late; it is to be asked for so much after the frame's time.
+        lag_s: by how much telemetry's attitude is late; it is to be asked for this much after the frame's time.
     """
 
     def __init__(self) -> None:
@@ -154,7 +151,7 @@ class AttitudeFusion:
         self._reported = None
 
     def begin_at_lag(self, lag_s: float) -> None:
-        """Begin anew with a lag, seconds, that is known from elsewhere."""
+        """Begin again with a lag, seconds, that is known from elsewhere."""
         self.lag_s, self._lag_var, self._reported = lag_s, LAG_S**2, None
         self._sample_var = np.full(3, SAMPLE**2)
 
@@ -303,7 +300,7 @@ class AttitudeFusion:
         # E dξ² = P − P⁺
         share = np.maximum(1.0 - post / prior, 1e-3)
         self._turn_var = _scaled(
-            self._turn_var, (self._R @ step) ** 2 / share, prior, share * self._turn_var, LEAST_TURN, MOST_TURN
+            self._turn_var, (self._R @ step) ** 2 / share, prior, share * self._turn_var, MIN_TURN, MAX_TURN
         )
 
     def _learn_turning(self, before: FloatArray, turn: FloatArray) -> None:
@@ -318,7 +315,7 @@ class AttitudeFusion:
         self._followed = np.clip(self._turned[0] / self._turned[1], 0.0, 1.0)
         rate_var = (self._R @ self._x[BETA]) ** 2 + self._about_enu(self._P[BETA, BETA])
         # E β² = β̂² + P
-        self._rate_var = np.clip(self._rate_var + (rate_var - self._rate_var) / MEMORY, LEAST_RATE**2, MOST_RATE**2)
+        self._rate_var = np.clip(self._rate_var + (rate_var - self._rate_var) / MEMORY, MIN_RATE**2, MAX_RATE**2)
 
     def _hold_on(self, reported: ReportedRotation, before: FloatArray, dt: float, *, telling: bool) -> None:
         """Correct by telemetry's samples, or where there is no attitude towards level.
@@ -347,7 +344,7 @@ class AttitudeFusion:
         H[:, LAG] = -(self._R @ turned) / dt if telling else 0.0
         var = self._sample_var / len(reported.sample_us)
         S = H @ self._P @ H.T + np.diag(var)
-        self._sample_var = _scaled(self._sample_var, z * z, np.diag(S), var, LEAST_SAMPLE, MOST_SAMPLE)
+        self._sample_var = _scaled(self._sample_var, z * z, np.diag(S), var, MIN_SAMPLE, MAX_SAMPLE)
         self._correct(z, H, var)
         self._lag_var = float(self._P[LAG, LAG])
 
@@ -381,7 +378,7 @@ class AttitudeFusion:
             return
         d = seen.ray[new] @ self._R.T
         low = d[:, 2] < -STEEP * np.linalg.norm(d, axis=1)
-        new = new[low][: MOST_TRACKS - len(self._track_id)]
+        new = new[low][: MAX_TRACKS - len(self._track_id)]
         k = len(new)
         if not k:
             return
@@ -413,7 +410,7 @@ def _scaled(
         part: how much of that is due to what is learnt.
         least: standard deviation, likewise ``most``.
     """
-    surprise = np.minimum(squared / expected, MOST_SURPRISE)
+    surprise = np.minimum(squared / expected, MAX_SURPRISE)
     gain = part / expected * (surprise - 1.0) / MEMORY
     gain[:2] = gain[:2].mean()
     return np.clip(variance * (1.0 + gain), least**2, most**2)

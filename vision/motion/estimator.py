@@ -26,17 +26,17 @@ from vision.motion.plane_fit import fit_plane
 Image = NDArray[np.uint8]
 Points = NDArray[np.float32]
 
-MOST_PIXELS = 260_000
+MAX_PIXELS = 260_000
 """An image is halved until it has no more: 1920×1080 becomes 480×270, 1280×720 becomes 640×360."""
-LEAST_SIDE = 64
+MIN_SIDE = 64
 """Height and width of an image that can be compared at all, px."""
-MEAN_GREY, GREY_STD, MOST_GAIN = 128.0, 45.0, 4.0
+MEAN_GREY, GREY_STD, MAX_GAIN = 128.0, 45.0, 4.0
 """Brightness and contrast that every image is brought to, so that a change of exposure is no motion."""
 CELLS = 150
 """Cells of the grid, about: one corner each."""
 CORNER_BLOCK = 5
-"""Side of the square in which a corner is one, px of half the small picture."""
-LEAST_CORNER = 2e-5
+"""Side of the square by whose gradients a corner is found, px of half the small picture."""
+MIN_CORNER = 2e-5
 """Smaller eigenvalue of the gradients' covariance below which there is nothing to follow: sensor noise has a tenth."""
 WINDOW, LEVELS = 9, 3
 """Side of the square that is followed, small px, and halvings for large motions: these reach 40 small px."""
@@ -44,14 +44,14 @@ STOP = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, 10, 0.03)
 """Steps of the search on each level at most, and the step, small px, after which it ends."""
 STILL_PX = 0.25
 """A point that moved less may be drawn on the image, small px."""
-MOST_JITTER = 0.2
+MAX_JITTER = 0.2
 """Share of points on something that stands still that seem to move all the same."""
-LEAST_SHARE = 0.3
+MIN_SHARE = 0.3
 """Minimum share of all points that could be followed; of a cut a tenth follows some homography or other."""
-LEAST_MOVING_SHARE = 0.2
-"""Share of all points, when most stand still: so many that move as one are the ground, and not a vehicle or two."""
+MIN_MOVING_SHARE = 0.2
+"""Share of all points, when most stand still: this many that move as one are the ground, and not a vehicle or two."""
 BOX_MARGIN = 1.5
-"""Boxes are taken so much larger: shadows, and the squares that are followed, reach beyond them."""
+"""Boxes are taken this much larger: shadows, and the squares that are followed, reach beyond them."""
 
 
 class MotionEstimator:
@@ -84,7 +84,7 @@ class MotionEstimator:
             None where it cannot be told: the first image, one of another size, a cut, nothing to follow.
         """
         size = image.shape[:2]
-        if min(size) < LEAST_SIDE:
+        if min(size) < MIN_SIDE:
             self._size = (0, 0)
             return None
         before, corners, comparable = self._small, self._corners, size == self._size
@@ -102,12 +102,12 @@ def _reduced(image: Image) -> tuple[Image, int]:
     By exact halves, which are several times quicker than any other scale.
     """
     small, halvings = image, 0
-    while small.shape[0] * small.shape[1] > MOST_PIXELS:
+    while small.shape[0] * small.shape[1] > MAX_PIXELS:
         small = _grey(_halved(small))
         halvings += 1
     small = _grey(small)
     mean, std = cv2.meanStdDev(small)
-    gain = min(GREY_STD / max(float(std[0, 0]), 1e-3), MOST_GAIN)
+    gain = min(GREY_STD / max(float(std[0, 0]), 1e-3), MAX_GAIN)
     levels = np.clip((np.arange(256) - float(mean[0, 0])) * gain + MEAN_GREY, 0, 255).astype(np.uint8)
     return np.asarray(cv2.LUT(small, levels), np.uint8), halvings
 
@@ -137,7 +137,7 @@ def _find_corners(small: Image, boxes: Detections | None, scale: float) -> Point
     squares = strength[: rows * cell, : columns * cell].reshape(rows, cell, columns, cell).swapaxes(1, 2)
     cells = squares.reshape(rows * columns, cell * cell)
     best = cells.argmax(axis=1)
-    kept = np.flatnonzero(cells[np.arange(len(cells)), best] > LEAST_CORNER)
+    kept = np.flatnonzero(cells[np.arange(len(cells)), best] > MIN_CORNER)
     x = kept % columns * cell + best[kept] % cell
     y = kept // columns * cell + best[kept] // cell
     return 2.0 * np.stack([x, y], axis=1).astype(np.float32) + np.float32(0.5)
@@ -158,10 +158,10 @@ def _compare(before: Image, small: Image, corners: Points, scale: float) -> Imag
     # OpenCV's pixels have whole numbers in their middle, ours at their edge
     a, b = (np.asarray(points, dtype=np.float64)[followed] + 0.5 for points in (corners, found))
     size = (small.shape[1], small.shape[0])
-    fit = fit_plane(a, b, size, round(LEAST_SHARE * len(a)))
+    fit = fit_plane(a, b, size, round(MIN_SHARE * len(a)))
     moved = np.linalg.norm(b - a, axis=1) > STILL_PX
-    if fit is None or np.count_nonzero(moved & fit.inliers) < MOST_JITTER * np.count_nonzero(fit.inliers):
-        ground = fit_plane(a[moved], b[moved], size, round(LEAST_MOVING_SHARE * len(a)))
+    if fit is None or np.count_nonzero(moved & fit.inliers) < MAX_JITTER * np.count_nonzero(fit.inliers):
+        ground = fit_plane(a[moved], b[moved], size, round(MIN_MOVING_SHARE * len(a)))
         fit = fit if ground is None else ground
     if fit is None:
         return None

@@ -27,25 +27,26 @@ LAGS_S = np.arange(-5.0, 1.01, 0.1)
 """Lags that are tried: a film is late by seconds where a server buffers it, telemetry by its radio."""
 WINDOW_S = 4.0
 """Part of the film that is compared; a vehicle's way over it is a quadratic."""
-LEAST_WINDOW = 0.75
+MIN_WINDOW = 0.75
 """Share of the window that is enough for the first search."""
 HISTORY_S = 0.5 - LAGS_S[0]
 """Time before the first frame from which on telemetry is of use."""
 APART_S = 0.08
 """Frames nearer to the last one add little."""
-LEAST_LOOKS, LEAST_TRACKS, LEAST_SAMPLES = 15, 2, 3
+MIN_LOOKS, MIN_TRACKS, MIN_SAMPLES = 15, 2, 3
 """Frames in which a track needs a box to be compared, and least numbers of such tracks and of samples of attitude."""
-MOST_TRACKS = 12
+MAX_TRACKS = 12
 """Tracks that are compared, the longest ones: more hardly tell more."""
 OFTEN_S, SELDOM, LONGEST_S = 2.0, 0.2, 10.0
 """Time between two searches: at least, as a share of that since the film began, since what did not show early seldom
 does, and at most."""
 PAUSE_S = 2.0
-"""After a longer pause between two frames the search begins anew: a connection may have another delay."""
+"""Longest pause between two frames; after a longer one the search starts again: a connection may have another delay."""
 CLEARER, ALONE = 3.0, 1.4
 """Ratio by which c has to be larger at the lag in use, and at the best one more than ``BESIDE_S`` away."""
 BESIDE_S, FAR_S, SAME_S = 0.35, 0.12, 0.15
-"""A lag nearer to the one in use is the filter's to find; two searches that agree."""
+"""Distances of lags, s: within the first two belong to one minimum; nearer than the second the filter finds it; within
+the third two searches agree."""
 LEVEL = 0.05
 """Sine of the least angle below the horizon at which a box tells a place."""
 
@@ -82,7 +83,7 @@ class LagSearch:
         self._before_s = np.nan
 
     def forget(self) -> None:
-        """Begin anew: places are given in another frame from now on, or the attitude was away."""
+        """Begin again: places are given in another frame from now on, or the attitude was away."""
         self._begin()
         self._samples.clear()
 
@@ -101,7 +102,7 @@ class LagSearch:
         if self._frames and not 0 <= t_us - self._frames[-1].t_us <= PAUSE_S * 1e6:
             self._begin()
         if not self._frames:
-            self._first_us, self._next_us = t_us, t_us + round((LEAST_WINDOW * WINDOW_S + LAGS_S[-1]) * 1e6)
+            self._first_us, self._next_us = t_us, t_us + round((MIN_WINDOW * WINDOW_S + LAGS_S[-1]) * 1e6)
         if not self._frames or t_us - self._frames[-1].t_us >= APART_S * 1e6:
             self._frames.append(_Looked(t_us, p_enu, ground_z, seen))
         while t_us - self._frames[0].t_us > (WINDOW_S + LAGS_S[-1]) * 1e6:
@@ -129,7 +130,7 @@ class LagSearch:
         # at later frames telemetry is not there yet for every lag
         frames = [frame for frame in self._frames if frame.t_us <= self._frames[-1].t_us - LAGS_S[-1] * 1e6]
         tracks = _followed(frames)
-        if len(tracks) < LEAST_TRACKS or len(self._samples) < LEAST_SAMPLES:
+        if len(tracks) < MIN_TRACKS or len(self._samples) < MIN_SAMPLES:
             return None
         since_us, until_us = self._samples[0][0], self._samples[-1][0]
         known = (since_us - frames[0].t_us <= 1e6 * LAGS_S) & (until_us - frames[-1].t_us >= 1e6 * LAGS_S)
@@ -159,9 +160,9 @@ def _followed(frames: Sequence[_Looked]) -> list[_Followed]:
     lasting = [
         rows
         for rows in seen.values()
-        if len(rows) >= LEAST_LOOKS and frames[rows[-1][0]].t_us - frames[rows[0][0]].t_us > 0.5 * WINDOW_S * 1e6
+        if len(rows) >= MIN_LOOKS and frames[rows[-1][0]].t_us - frames[rows[0][0]].t_us > 0.5 * WINDOW_S * 1e6
     ]
-    longest = sorted(lasting, key=len, reverse=True)[:MOST_TRACKS]
+    longest = sorted(lasting, key=len, reverse=True)[:MAX_TRACKS]
     return [_Followed(np.array([k for k, _ in rows]), np.array([ray for _, ray in rows])) for rows in longest]
 
 

@@ -16,15 +16,15 @@ Floats = NDArray[np.float64]
 
 INLIER_PX = 0.6
 """Largest distance from its place of a point that follows the homography."""
-LEAST_INLIERS = 24
-"""Three times its eight numbers, in points."""
-MOST_TRIES = 500
+MIN_INLIERS = 24
+"""Least number of points: three times the eight numbers of a homography."""
+MAX_TRIES = 500
 """Samples of four points: where a third of all follow one homography, one of them is right with 99.8 %."""
-MOST_CORNER_STD_PX = 1.5
+MAX_CORNER_STD_PX = 1.5
 """Largest uncertainty at the picture's corners, 1σ."""
-MOST_SCALE = 1.6
+MAX_SCALE = 1.6
 """Largest factor by which a picture can grow or shrink from one frame to the next, in length."""
-LEAST_STD_PX = 0.02
+MIN_STD_PX = 0.02
 """1σ of a followed point at least: the search ends within such a step."""
 
 
@@ -47,7 +47,7 @@ def mapped(H: Floats, points: Floats) -> Floats:
 
 
 def fit_plane(a: Floats, b: Floats, size: tuple[int, int], least: int) -> PlaneFit | None:
-    """Homography that takes points a (k, 2) to b (k, 2), px.
+    """Fit the homography that takes points a (k, 2) to b (k, 2), px.
 
     Args:
         size: width and height of both, px.
@@ -55,20 +55,20 @@ def fit_plane(a: Floats, b: Floats, size: tuple[int, int], least: int) -> PlaneF
     Returns:
         None where fewer do, or where it says nothing that can be relied on about some corner of the picture.
     """
-    if len(a) < max(least, LEAST_INLIERS):
+    if len(a) < max(least, MIN_INLIERS):
         return None
-    H, _ = cv2.findHomography(a, b, cv2.USAC_MAGSAC, INLIER_PX, maxIters=MOST_TRIES)
+    H, _ = cv2.findHomography(a, b, cv2.USAC_MAGSAC, INLIER_PX, maxIters=MAX_TRIES)
     if H is None or not np.isfinite(H).all() or abs(H[2, 2]) < 1e-9:
         return None
     H = np.asarray(H, dtype=np.float64) / H[2, 2]
     residual = mapped(H, a) - b
     inliers = (residual * residual).sum(axis=1) < INLIER_PX**2
     count = int(np.count_nonzero(inliers))
-    if count < max(least, LEAST_INLIERS) or not _possible(H, size):
+    if count < max(least, MIN_INLIERS) or not _possible(H, size):
         return None
     # two equations a point, eight unknowns
-    std = max(float(np.sqrt((residual[inliers] ** 2).sum() / (2 * count - 8))), LEAST_STD_PX)
-    if _corner_std(H, a[inliers], std, size) > MOST_CORNER_STD_PX:
+    std = max(float(np.sqrt((residual[inliers] ** 2).sum() / (2 * count - 8))), MIN_STD_PX)
+    if _corner_std(H, a[inliers], std, size) > MAX_CORNER_STD_PX:
         return None
     return PlaneFit(H=H, std=std, inliers=inliers)
 
@@ -80,7 +80,7 @@ def _possible(H: Floats, size: tuple[int, int]) -> bool:
         return False
     # det J of (x, y) → (u, v) is det H / w³
     growth = np.linalg.det(H) / (corners @ H[2, :2] + 1.0) ** 3
-    return bool((growth > MOST_SCALE**-2).all() and (growth < MOST_SCALE**2).all())
+    return bool((growth > MAX_SCALE**-2).all() and (growth < MAX_SCALE**2).all())
 
 
 def _corner_std(H: Floats, a: Floats, std: float, size: tuple[int, int]) -> float:

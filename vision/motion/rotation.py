@@ -31,9 +31,9 @@ from vision.motion.plane_fit import mapped
 Floats = NDArray[np.float64]
 GRID = (7, 5)
 """Places across and down the image at which the homography is compared with the camera's motion."""
-LEAST_PLACES = 6
+MIN_PLACES = 6
 """Least number of them that show ground."""
-LEAST_DIP = 0.05
+MIN_DIP = 0.05
 """Sine of the angle below the horizon from which ground counts: nearer to it what is seen stands high."""
 STEPS = 3
 """Steps of Gauss-Newton; a turn of 5° is found to 1e-6 rad in two."""
@@ -90,9 +90,6 @@ class CameraTurn:
 def rotation_of(motion: ImageMotion, intrinsics: Intrinsics, ground: GroundShift) -> CameraTurn | None:
     """Turn of the camera that explains a homography best, together with the displacement that is known.
 
-    Args:
-        motion: homography between two images of the same camera.
-
     Returns:
         None where too little of the image is ground.
     """
@@ -101,8 +98,8 @@ def rotation_of(motion: ImageMotion, intrinsics: Intrinsics, ground: GroundShift
     places = np.stack(np.meshgrid(across, down), axis=-1).reshape(-1, 2) * size
     x, seen = intrinsics.rays(places), intrinsics.rays(mapped(motion.H, places))
     dip = x @ ground.down
-    usable = (dip > LEAST_DIP) & np.isfinite(seen).all(axis=1) & (seen[:, 2] > LEAST_DIP)
-    if np.count_nonzero(usable) < LEAST_PLACES:
+    usable = (dip > MIN_DIP) & np.isfinite(seen).all(axis=1) & (seen[:, 2] > MIN_DIP)
+    if np.count_nonzero(usable) < MIN_PLACES:
         return None
     x, seen, dip = x[usable], seen[usable, :2] / seen[usable, 2:], dip[usable] / ground.height
     focal = np.sqrt(intrinsics.fx * intrinsics.fy)

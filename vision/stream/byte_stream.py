@@ -25,8 +25,9 @@ Packets: TypeAlias = "Iterator[Packet[CodedStream]]"
 
 TICK_HZ = 1_000_000
 _AT_ONCE = {"probesize": "32", "analyzeduration": "0"}
-_MOST_ARRIVALS = 1 << 16
-"""Pieces of a connection of which none was a picture's: a minute at a thousand datagrams a second."""
+_MAX_ARRIVALS = 1 << 16
+"""Most pieces of a connection whose arrival is kept while no picture comes: a minute at a thousand datagrams a
+second."""
 _SYNC, _TS_PACKET = b"G", 188
 """Byte that each packet of a transport stream begins with, and how long it is."""
 _PARTS, _JPEG, _START_CODES = b"--", b"\xff\xd8\xff", (b"\0\0\1", b"\0\0\0\1")
@@ -39,19 +40,19 @@ def has_no_stamps(container: av.container.InputContainer) -> bool:
 
 
 class Arrivals:
-    """When the bytes of a connection came, by their offset in it."""
+    """Times at which the bytes of a connection came, by their offset in it."""
 
     def __init__(self) -> None:
         self._end = 0
-        self._came: deque[tuple[int, float]] = deque(maxlen=_MOST_ARRIVALS)
+        self._came: deque[tuple[int, float]] = deque(maxlen=_MAX_ARRIVALS)
 
     def add(self, size: int, at_s: float) -> None:
-        """Counts bytes that came at a Unix time."""
+        """Count bytes that came at a Unix time."""
         self._end += size
         self._came.append((self._end, at_s))
 
     def of(self, offset: int | None) -> float:
-        """When the byte at an offset came, which is asked for in order; of an unknown one the last.
+        """Return the time at which the byte at an offset came, which is asked for in order; of an unknown one the last.
 
         A container hands a picture out when the next one came, and perhaps the one after that.
         """
@@ -90,7 +91,7 @@ class ByteStream:
         return as_pictures or packets == _SYNC * len(packets)
 
     def read(self, size: int) -> bytes:
-        """At most ``size`` bytes, none at the end."""
+        """Read at most ``size`` bytes, none at the end."""
         data = self._rest or self._receive()
         self._rest = data[size:]
         return data[:size]

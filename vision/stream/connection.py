@@ -3,10 +3,8 @@
 Datagrams come from a port of ours (``vision.stream.port``), all else is opened by FFmpeg, with limits to its patience.
 Where a stream has no time stamps its packets are dated by arrival (``vision.stream.byte_stream``).
 
-Where an HTTP server sends on to, which is followed to the same host alone.
-
-Whoever names an address names a host. Its server may move a stream there or begin to encrypt; that it has this computer
-ask another host, or open a file, is refused.
+A redirect of an HTTP server is followed to the same host alone: its server may move a stream there or begin to encrypt;
+that it has this computer ask another host, or open a file, is refused.
 """
 
 from __future__ import annotations
@@ -45,15 +43,15 @@ from vision.video.frame_index import ONE_FILE, reason
 OPEN_TIMEOUT_S = 3.0
 """Longest wait for a connection, seconds."""
 WAIT_S = 30.0
-"""Longest wait for others to connect, before it is begun anew, seconds."""
+"""Longest wait for others to connect, before it is started again, seconds."""
 READ_TIMEOUT_S = 2.0
 """Longest wait for the next packet, seconds."""
 HTTP = ("http:", "https:")
 BYTE_STREAMS = ("tcp:", "srt:", *HTTP)
 ONE_STREAM = {"format_whitelist": f"{ONE_FILE},mpjpeg"}
 """Formats that others may send: a playlist or a session would have FFmpeg ask any host and open any port."""
-MOST_REDIRECTS = 4
-"""On the same host, one after the other."""
+MAX_REDIRECTS = 4
+"""Most redirects on the same host, one after the other."""
 READ_BYTES = 32768
 """Most bytes that FFmpeg asks for at once."""
 _REFUSED = {
@@ -61,18 +59,18 @@ _REFUSED = {
     "give the one that is meant",
     "not on whitelist": "it sends on to another address, which is not followed: give that one if it is meant",
 }
-"""By FFmpeg's words."""
+"""Messages by words of FFmpeg's errors."""
 _PRODUCER_TIME = struct.Struct("=qi")
 """FFmpeg's AVProducerReferenceTime: Unix µs, flags."""
 REORDERED = 2
 """Frames that a stream with B-frames holds back, where no decoding times are given."""
 Packets: TypeAlias = "Iterator[Packet[CodedStream]]"
 SCHEMES = ("http", "https")
-_MOST_SHOWN = 200
+_MAX_SHOWN = 200
 
 
-def sent_on(source: Source, timeout_s: float) -> Source | None:
-    """The source at the address that its server names instead; None where it names none.
+def redirected(source: Source, timeout_s: float) -> Source | None:
+    """The source at the address to which its server redirects; None where it does not.
 
     The server is asked without a password.
 
@@ -85,7 +83,7 @@ def sent_on(source: Source, timeout_s: float) -> Source | None:
     parts = urlsplit(source.address)
     goal = urlsplit(urljoin(source.address, named))
     if goal.scheme not in SCHEMES or goal.hostname != parts.hostname:
-        shown = plain(concealed(goal.geturl()))[:_MOST_SHOWN]
+        shown = plain(concealed(goal.geturl()))[:_MAX_SHOWN]
         raise VideoError(
             f"video {source.text}: its server sends on to {shown}, which is not followed: only what is on the same "
             "host is; give that address if it is meant"
@@ -132,7 +130,7 @@ class Input:
     live: Callable[[], bool] = lambda: True
     """False once nothing more comes and only what was held back is handed out."""
     shown: Callable[[], None] = lambda: None
-    """To be called when a frame was decoded, or was left out on purpose."""
+    """Callback for when a frame was decoded, or was left out on purpose."""
     drains: bool = False
     """True if it ends by itself when it is time to stop, and hands out its last packet then."""
     exposures: Exposures = field(default_factory=Exposures)
@@ -154,7 +152,7 @@ def open_input(source: Source) -> Input | None:
         VideoError: nothing there, no answer within the time, no video in it, or it is said to be on another host.
     """
     av.logging.set_level(av.logging.PANIC)
-    for _ in range(MOST_REDIRECTS):
+    for _ in range(MAX_REDIRECTS):
         begin_s = time.monotonic()
         try:
             return _open_line(source) or _input(source, _open(source))
@@ -162,7 +160,7 @@ def open_input(source: Source) -> Input | None:
             late = time.monotonic() - begin_s >= _patience_s(source)
             if late and source.waits:
                 return None
-            goal = None if late or not source.address.startswith(HTTP) else sent_on(source, OPEN_TIMEOUT_S)
+            goal = None if late or not source.address.startswith(HTTP) else redirected(source, OPEN_TIMEOUT_S)
             if goal is None:
                 why = f"no answer within {OPEN_TIMEOUT_S:g} s" if late else _why(error)
                 raise VideoError(f"video {source.text}: cannot be opened ({why}); is it being sent?") from error
@@ -322,7 +320,7 @@ class _Bytes:
         self.arrivals = Arrivals()
 
     def read(self, size: int) -> bytes:
-        """At most ``size`` bytes, none at the end."""
+        """Read at most ``size`` bytes, none at the end."""
         while not self._rest:
             data = self._port.read()
             if not data:

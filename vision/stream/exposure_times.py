@@ -1,4 +1,4 @@
-"""When frames were taken, for streams that carry it.
+"""Exposure times of frames, for streams that carry them.
 
 Three ways: the MISP time stamp in a frame's SEI (MISB ST 0604), the precision time stamp of KLV metadata in an MPEG
 transport stream (MISB ST 0601, tag 2, in packets that have a presentation time), and RTCP sender reports (RFC 3550).
@@ -17,7 +17,7 @@ _KLV_KEY = bytes.fromhex("060e2b34020b01010e01030101000000")
 _TIME_TAG = 2
 """Tag of the precision time stamp in a UAS data set (MISB ST 0601)."""
 _NTP_TO_UNIX_S = 2_208_988_800
-"""From 1900, where NTP time begins, to 1970, seconds."""
+"""Seconds from 1900, where NTP time begins, to 1970."""
 _SENDER_REPORT = 200
 """RTCP packet type of a sender report."""
 EARLY_S, LATE_S = 0.05, 3.0

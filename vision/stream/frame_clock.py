@@ -1,4 +1,4 @@
-"""When a live frame was taken: the stream's even time stamps, mapped to Unix time by the arrivals of packets.
+"""Capture times of live frames: the stream's even time stamps, mapped to Unix time by the arrivals of packets.
 
 A network only ever delays. So Unix time of a frame = its time stamp + the least (arrival − time stamp) seen: the
 fastest packet gives the offset, and the jitter of the others is gone. What remains is that least
@@ -41,7 +41,7 @@ class ArrivalClock:
         self._arrival_s = arrival_s
 
     def lag_s(self, stamp_s: float, arrival_s: float) -> float:
-        """How much later than the fastest packet this one came."""
+        """Delay of this packet against the fastest one, s."""
         return 0.0 if self._offset_s is None else arrival_s - stamp_s - self._offset_s
 
     def unix_s(self, stamp_s: float) -> float:

@@ -14,7 +14,7 @@ IMAGE_BYTES = 7680 * 4320 * 3
 
 
 class Sender(msgspec.Struct, frozen=True):
-    """Who sends datagrams to a port."""
+    """Sender of datagrams to a port."""
 
     host: str
     port: int
@@ -26,13 +26,13 @@ class Sender(msgspec.Struct, frozen=True):
 
 
 class Settings(msgspec.Struct, kw_only=True, tag=True):
-    """Parent to process, once: what to do."""
+    """Message from parent to process, once: what to do."""
 
     source: str
     record: str = ""
     """First file of the recording, empty for none."""
     segment: int = -1
-    """Last file that exists."""
+    """Number of the last file that exists."""
     received: int = 0
     """Frames listed so far."""
     last_us: int = 0
@@ -43,24 +43,25 @@ class Settings(msgspec.Struct, kw_only=True, tag=True):
     port: int = -1
     """File descriptor of the port that is bound; −1: there is none."""
     proven: list[Sender] = []
-    """Who has shown a picture on it before, the first with the best right."""
+    """Senders that have shown a picture on it before, the first with the best right."""
 
 
 class FrameRequest(msgspec.Struct, kw_only=True, tag=True):
-    """Parent to process: send the newest frame, or the next one within ``wait_s``."""
+    """Message from parent to process: send the newest frame, or the next one within ``wait_s``."""
 
     number: int
     wait_s: float
 
 
 class Preference(msgspec.Struct, kw_only=True, tag=True):
-    """Parent to process: the sender to be listened to before all others."""
+    """Message from parent to process: the sender to be listened to before all others."""
 
     sender: Sender
 
 
 class FrameReply(msgspec.Struct, kw_only=True, tag=True):
-    """Process to parent: the answer; ``index`` is -1 when there was none, else the image is in the memory."""
+    """Message from process to parent: the answer; ``index`` is -1 when there was none, else the image is in the
+    memory."""
 
     number: int
     index: int = -1
@@ -70,10 +71,10 @@ class FrameReply(msgspec.Struct, kw_only=True, tag=True):
 
 
 class Progress(msgspec.Struct, kw_only=True, tag=True):
-    """Process to parent: how far it is."""
+    """Message from process to parent: how far it is."""
 
     patience_s: float
-    """Until the next sign of life at the latest."""
+    """Time until the next sign of life at the latest, s."""
     rows: list[tuple[int, int]]
     """Index and Unix µs of frames listed since the last."""
     connected: bool = False
@@ -84,14 +85,14 @@ class Progress(msgspec.Struct, kw_only=True, tag=True):
     damaged: int = 0
     strangers: int = 0
     sender: Sender | None = None
-    """Who is listened to."""
+    """Sender that is listened to."""
     rival: Sender | None = None
-    """Who else sends video to the same port."""
+    """Another sender of video to the same port."""
     proven: list[Sender] = []
     exposure_source: str = ""
-    """Which data of the stream dates its frames, empty where none does."""
+    """Data of the stream that date its frames, in words; empty where none do."""
     exposure_delay_s: float = 0.0
-    told_error_s: float = 0.0
+    clock_error_s: float = 0.0
     segment: int = -1
     error: str = ""
     recording_error: str = ""

@@ -29,8 +29,8 @@ REPORT_BUFFER_BYTES = 1 << 16
 """Sender reports are some dozens of bytes, every few seconds."""
 SLICE_S = 0.2
 """Longest wait between two checks whether to stop."""
-MOST_REPORTS = 8
-"""Taken at once: a sender reports every few seconds."""
+MAX_REPORTS = 8
+"""Most reports taken at once: a sender reports every few seconds."""
 
 
 def bind(host: str, port: int) -> socket.socket:
@@ -88,13 +88,13 @@ def _bound_to(host: str) -> str:
 
 
 class Port:
-    """Datagrams of one sender after the other.
+    """UDP port that takes the datagrams of one sender after the other.
 
     Args:
         bound: from ``bind``.
         proven: who has shown a picture on it before, the first with the best right.
         go_on: asked at least every 0.2 s; False ends every wait.
-        silence_s: a connection without datagrams for so long is over.
+        silence_s: a connection without datagrams for this long is over.
 
     Attributes:
         senders: who sends to it, and who of them is listened to.
@@ -123,7 +123,7 @@ class Port:
         self._control: socket.socket | None = None
 
     def wait(self) -> Trial | None:
-        """Who is listened to next, its first datagrams left to be read.
+        """Return the sender that is listened to next, its first datagrams left to be read.
 
         None when it is time to end, and when ``senders.undecodable`` has something to tell.
         """
@@ -175,7 +175,7 @@ class Port:
             self._control = self._next_port()
         found: list[tuple[bytes, float]] = []
         try:
-            while len(found) < MOST_REPORTS:
+            while len(found) < MAX_REPORTS:
                 data, peer, t_us = receive_stamped(self._control)
                 present = self.senders.present
                 if present is not None and peer[0] == present.host:

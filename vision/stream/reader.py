@@ -57,7 +57,7 @@ class NewestFrame:
             return frame
 
     def end(self) -> None:
-        """No more will come."""
+        """Note that no more frames will come."""
         with self._fresh:
             self.over = True
             self._fresh.notify_all()
@@ -81,7 +81,7 @@ class StreamReader:
         self.recording = Recording(Path(settings.record), settings.segment) if settings.record else None
         self.go_on = go_on
         self.lock = threading.Lock()
-        """Held while packets are numbered and recorded."""
+        """Lock that is held while packets are numbered and recorded."""
         self._send = send
         self._sent_s = 0.0
         self._connection: _OpenStream | None = None
@@ -150,7 +150,7 @@ class _OpenStream:
         self._key_pts: int | None = None
 
     def run(self) -> None:
-        """Until the source ends, breaks or is closed."""
+        """Read until the source ends, breaks or is closed."""
         held: list[tuple[Coded, float]] | None = None if self._paced else []
         try:
             for packet, waited in self._received():
@@ -188,7 +188,7 @@ class _OpenStream:
         progress, exposures = self._reader.progress, self._source.exposures
         progress.connected = self._source.live()
         progress.exposure_source, progress.exposure_delay_s = exposures.source, exposures.delay_s
-        progress.told_error_s = exposures.error_s
+        progress.clock_error_s = exposures.error_s
 
     def _arrive(self, packet: Coded) -> float:
         """Unix time of arrival; a file's packets arrive at the pace of their time stamps."""
@@ -208,7 +208,7 @@ class _OpenStream:
         for packet, arrival_s in packets:
             if packet.pts is None:
                 continue
-            if self._stamps.begin_anew(packet, arrival_s):
+            if self._stamps.has_restarted(packet, arrival_s):
                 self._use(learnt)
                 learnt = []
                 with self._reader.lock:
@@ -230,7 +230,7 @@ class _OpenStream:
                 self._decode(packet)
 
     def _renew(self) -> None:
-        """From here on only a key frame begins."""
+        """Drop what waits: only a key frame can begin from here on."""
         self.list(self._reader.order.flush())
         self._placed.clear()
         self._key_pts = None
@@ -257,8 +257,8 @@ class _OpenStream:
     def _taken_s(self, pts: int) -> float:
         """Unix time at which a frame was taken: by the stream's own exposure times, else by its arrival."""
         stamp_s = pts * self._tick_s
-        told_s = self._source.exposures.unix_s(stamp_s)
-        return self._clock.unix_s(stamp_s) - self._reader.offset_s if told_s is None else told_s
+        stamped_s = self._source.exposures.unix_s(stamp_s)
+        return self._clock.unix_s(stamp_s) - self._reader.offset_s if stamped_s is None else stamped_s
 
     def list(self, released: list[tuple[int, int]]) -> None:
         """Give frames whose place in the order is certain their time, and report them."""

@@ -1,8 +1,8 @@
 """Frames out of RTP datagrams: H.264 (RFC 6184) and H.265 (RFC 7798).
 
-Done here and not by FFmpeg, whose RTP opens only ports of its own, anew with every connection, and gives up on a sender
-whose next key frame takes longer than its search. Datagrams that come in the wrong order are put right; what a lost
-one leaves of a frame is handed on as far as it can be decoded and marked.
+Done here and not by FFmpeg, whose RTP opens only ports of its own, new ones with every connection, and gives up on a
+sender whose next key frame takes longer than its search. Datagrams that come in the wrong order are put right; what a
+lost one leaves of a frame is handed on as far as it can be decoded and marked.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from vision.stream.source import Codec
 TICK_HZ = 90_000
 """Clock of video in RTP."""
 START = b"\0\0\0\1"
-MOST_WAITING = 64
+MAX_WAITING = 64
 """Datagrams held back for one that is missing; two whole frames of them are enough, too."""
 AHEAD, BACK = 3000, 100
 """A sequence number this far off is a new sender's, once its next one follows (RFC 3550, appendix A.1)."""
@@ -34,7 +34,7 @@ class RtpPacket:
     """90 kHz, 32 bits."""
     source: int
     marker: bool
-    """Last of its frame."""
+    """True if it is the last packet of its frame."""
     kind: int
     """Payload type."""
     payload: bytes
@@ -100,7 +100,7 @@ class _ReorderBuffer:
     _waiting: dict[int, RtpPacket] = field(default_factory=dict)
 
     def put(self, datagram: RtpPacket) -> list[tuple[RtpPacket, bool]]:
-        """Those next in order, each with whether one before it is missing."""
+        """Return the packets that are next in order, each with whether one before it is missing."""
         if self._next is None:
             self._next = datagram.sequence
         ahead = self._ahead(datagram)
@@ -108,7 +108,7 @@ class _ReorderBuffer:
             return []
         self._waiting[self._next + ahead] = datagram
         turn = self._pop_in_order()
-        if len(self._waiting) > MOST_WAITING or sum(d.marker for d in self._waiting.values()) >= 2:
+        if len(self._waiting) > MAX_WAITING or sum(d.marker for d in self._waiting.values()) >= 2:
             first = min(self._waiting)
             self.lost += first - self._next
             self._next = first
@@ -178,7 +178,7 @@ class Depacketizer:
         return self._change(before) + self._put(datagram)
 
     def _change(self, datagram: RtpPacket) -> list[Unit]:
-        """Another sender, or the same from other numbers on."""
+        """Change to another sender, or to the same one with numbers that begin elsewhere."""
         self._odd = None
         self._order, self._source = _ReorderBuffer(self._order.lost), datagram.source
         units = self._finish()

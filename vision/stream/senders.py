@@ -1,4 +1,4 @@
-"""Who is listened to where several send to one port: what decodes, and of that who was first.
+"""Choice of the sender that is listened to where several send to one port: what decodes, and of that who was first.
 
 1. What no picture comes out of has no right to the port.
 2. A sender that has shown one keeps its place before those who came later, and has it back with its next key frame
@@ -24,17 +24,18 @@ from vision.stream.trial import Trial, looks_like
 TAKEOVER_S = 1.5
 """Silence of the present sender after which another one may take its place: a radio's hole is usually shorter."""
 BLIND_S = 3.0
-"""Without a picture from the present sender; a lost key frame is usually followed by the next within that."""
+"""Time without a picture from the present sender, s; a lost key frame is usually followed by the next within that."""
 QUIET_S = 0.3
 """Silence of the present sender after which others are held, so that none of theirs is missing when they begin."""
 RIVAL_S = 2.0
-"""A rival that was not heard for so long is none any more."""
+"""Silence after which a rival is none any more."""
 PATIENCE_S = 6.0
 """Wait for a first picture before it is reported that none can be decoded."""
-MOST_TRIALS = 4
-MOST_PROVEN = 8
+MAX_TRIALS = 4
+MAX_PROVEN = 8
 SHARE = 9.0
-"""Trials beside a sender that is shown wait for so many times what they took: they must not cost its frames."""
+"""Factor on the time that a trial took for which the next one waits beside a sender that is shown: they must not cost
+its frames."""
 
 
 class Senders:
@@ -96,11 +97,11 @@ class Senders:
         return self.refused + sum(trial.count for trial in self._trials.values() if self._is_beside(trial))
 
     def shown(self) -> None:
-        """The present sender has shown a picture."""
+        """Note that the present sender has shown a picture."""
         self._shown_s = self._heard_s
 
     def successor(self) -> Sender | None:
-        """Who is to be listened to from now on, None while it stays as it is."""
+        """Return the sender that is to be listened to from now on, None while it stays as it is."""
         self._try()
         ready = [sender for sender, trial in self._trials.items() if trial.proven]
         for sender in ready:
@@ -126,16 +127,16 @@ class Senders:
         return trial
 
     def end(self) -> None:
-        """The present sender's connection is over; its right stays."""
+        """Note that the present sender's connection is over; its right stays."""
         self.present, self._unknown = None, None
 
     def prefer(self, sender: Sender) -> None:
         """Give a sender the best right."""
-        self.proven = [sender, *(other for other in self.proven if other != sender)][:MOST_PROVEN]
+        self.proven = [sender, *(other for other in self.proven if other != sender)][:MAX_PROVEN]
 
     @property
     def rival(self) -> Sender | None:
-        """Who else sends what can be decoded, None if nobody does."""
+        """Another sender of what can be decoded, None if there is none."""
         self._rivals = {sender: heard for sender, heard in self._rivals.items() if self._now_s - heard < RIVAL_S}
         others = [sender for sender in self._rivals if sender != self.present]
         return min(others, key=self._rank, default=None) if self.present is not None else None
@@ -146,7 +147,8 @@ class Senders:
         return self._unknown is not None and self._now_s - self._unknown[1] > PATIENCE_S
 
     def undecodable(self) -> tuple[Sender, bool] | None:
-        """Who that is, and whether it is RTP with video; from then on it is waited anew. None if there is nobody."""
+        """Return a sender of which nothing decodes, and whether it is RTP with video; None without one. From then on
+        the wait starts again."""
         if self._unknown is None:
             return None
         (sender, _), self._unknown = self._unknown, None
@@ -156,13 +158,14 @@ class Senders:
     def _gives_way(self, other: Sender) -> bool:
         """Tell whether the present sender is silent, or shows nothing any more."""
         assert self.present is not None
-        # an encoder that begins anew has another SSRC and no pause
+        # an encoder that starts again has another SSRC and no pause
         anew = (other.host, other.port) == (self.present.host, self.present.port)
         silent_s = QUIET_S if anew else TAKEOVER_S
         return self._now_s - self._heard_s > silent_s or self._heard_s - self._shown_s > BLIND_S
 
     def _rank(self, sender: Sender) -> tuple[int, int]:
-        """By the host's first picture, then by its own: a camera that was switched off and on has another port."""
+        """Return the rank of a sender by its host's first picture, then by its own: a camera that was switched off and
+        on has another port."""
         hosts = [other.host for other in self.proven]
         last = len(self.proven)
         return (
@@ -182,7 +185,7 @@ class Senders:
     def _note_proven(self, sender: Sender) -> None:
         if sender in self.proven:
             return
-        if len(self.proven) >= MOST_PROVEN:
+        if len(self.proven) >= MAX_PROVEN:
             self.proven.remove([other for other in self.proven if other != self.present][-1])
         self.proven.append(sender)
 
@@ -191,7 +194,7 @@ class Senders:
         now_s = trial.began_s
         for silent in [s for s, t in self._trials.items() if now_s - t.heard_s >= RIVAL_S]:
             self._drop(silent)
-        if len(self._trials) >= MOST_TRIALS:
+        if len(self._trials) >= MAX_TRIALS:
             hosts = Counter(other.host for other in self._trials)
             victims = [s for s, t in self._trials.items() if not t.proven and s not in self.proven]
             if sender not in self.proven:

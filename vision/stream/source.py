@@ -62,7 +62,7 @@ class Source:
     """Address as it was given, without passwords: what is shown, logged and recorded."""
     kind: Literal["datagrams", "network", "camera", "session", "file"]
     address: str = ""
-    """For FFmpeg: a URL, device or path."""
+    """Address for FFmpeg: a URL, device or path."""
     host: str = ""
     """Host of datagrams; empty: any address of this machine."""
     port: int = 0
@@ -187,7 +187,8 @@ def _camera(text: str) -> Source:
 
 
 def _network(text: str, scheme: str) -> Source:
-    """With options that keep delay low, and the stream from sending FFmpeg to files of ours or to other hosts.
+    """Return the source with options that keep delay low, and the stream from sending FFmpeg to files of ours or to
+    other hosts.
 
     RTSP is not among the protocols that RTSP may open: a server that sends on is refused.
     """

@@ -34,9 +34,6 @@ NO_PROGRAM = (
 def relayed_address(text: str, any_host: tuple[str, ...]) -> tuple[str, bool]:
     """The address as the program takes it, and whether others connect to it.
 
-    Args:
-        any_host: hosts that mean this computer.
-
     Raises:
         VideoError: no port, or an option that is not passed on.
     """

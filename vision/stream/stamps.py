@@ -20,7 +20,7 @@ _RECENT = 16
 
 
 class HeldBack:
-    """When frames arrived that FFmpeg hands out with the first bytes of the next one, as those of RTP.
+    """Arrivals of frames that FFmpeg hands out with the first bytes of the next one, as those of RTP.
 
     That is earlier by one frame: by the shortest of the recent steps, since to date a frame early is remembered long.
     """
@@ -70,7 +70,7 @@ class Stamps:
             if packet.pts is not None:
                 following = [packet.pts, *following[:1]]
 
-    def begin_anew(self, packet: Coded, arrival_s: float) -> bool:
+    def has_restarted(self, packet: Coded, arrival_s: float) -> bool:
         """Tell whether the sender's time stamps started again: they went back, or jumped and the wall clock did not."""
         stamp_s = ((packet.pts if packet.dts is None else packet.dts) or 0) * self._tick_s
         before, self._seen = self._seen, (stamp_s, arrival_s)

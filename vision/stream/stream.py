@@ -53,24 +53,24 @@ START_PATIENCE_S = 20.0
 WATCH_S = 0.2
 """Longest wait between two checks of whether the process is alive."""
 CLOSE_S = 2.0
-"""A process that was asked to end is killed after so long."""
+"""A process that was asked to end is killed after this long."""
 ANSWER_S = 0.5
-"""For an answer beyond the time that the frame was waited for."""
+"""Time for an answer beyond the time that the frame was waited for, s."""
 PAUSES_S = (0.0, 0.25, 0.5, 1.0, 2.0, 4.0)
-"""Before the process is started again; the last repeats."""
+"""Pauses before the process is started again, s; the last repeats."""
 STEADY_S = 10.0
-"""A process that lived so long was well."""
+"""A process that lived this long was well."""
 
 
 class VideoStream:
-    """A live source.
+    """Live video, read by a process of its own.
 
     Args:
         url: see ``vision.stream.source``.
         record_path: .mkv to be created, None to record nothing. Further files are named video.1.mkv, video.2.mkv, …
         offset_s: video time minus telemetry time, s; taken from every frame's time.
         on_frame: called from the listening thread with index and Unix µs of every frame, in order.
-        stall_s: without a frame for so long the stream is stalled, unless it is a slow one.
+        stall_s: without a frame for this long the stream is stalled, unless it is a slow one.
 
     Attributes:
         url: the source as it may be shown.
@@ -169,17 +169,17 @@ class VideoStream:
 
     @property
     def strangers(self) -> int:
-        """Datagrams of others than the sender being listened to, dropped."""
+        """Datagrams from other senders than the one being listened to, dropped."""
         return self._progress.strangers
 
     @property
     def sender(self) -> Sender | None:
-        """Who sends the datagrams that are listened to; None while nobody does, and where it is not datagrams."""
+        """Sender of the datagrams that are listened to; None while there is none, and where it is not datagrams."""
         return self._progress.sender
 
     @property
     def rival(self) -> Sender | None:
-        """Who else sends video to the same port, None if nobody does; ``vision.stream.senders`` has the rule."""
+        """Another sender of video to the same port, None if there is none; ``vision.stream.senders`` has the rule."""
         return self._progress.rival
 
     def prefer(self, sender: Sender) -> None:
@@ -189,13 +189,13 @@ class VideoStream:
 
     @property
     def exposure(self) -> str:
-        """How frames are dated, in words; empty while it is by their arrival."""
+        """Source of the frames' times, in words; empty while it is their arrival."""
         progress = self._progress
         if progress.exposure_source:
             word, delay_s = _EXPOSURE_SOURCES.get(progress.exposure_source, "word"), progress.exposure_delay_s
             return f"by the stream's own {word}, {delay_s:.2f} s before they come"
-        if progress.told_error_s:
-            return f"by when they come: the stream's own clock is {progress.told_error_s:+.1f} s off and not used"
+        if progress.clock_error_s:
+            return f"by when they come: the stream's own clock is {progress.clock_error_s:+.1f} s off and not used"
         return ""
 
     @property
@@ -205,7 +205,7 @@ class VideoStream:
 
     @property
     def recording_error(self) -> str:
-        """Why the recording broke off, empty while it is well."""
+        """Reason why the recording broke off, empty while it is well."""
         return self._conceal(self._progress.recording_error)
 
     @property
@@ -215,7 +215,7 @@ class VideoStream:
 
     @property
     def restarts(self) -> int:
-        """How often the video's process was started again."""
+        """Number of times that the video's process was started again."""
         return self._supervisor.restarts
 
     def latest(self, timeout_s: float) -> Frame | None:

@@ -32,7 +32,7 @@ from vision.video.frame_index import reason
 _log = logging.getLogger(__name__)
 
 PAUSES_S = (0.25, 0.5, 1.0, 2.0, 4.0)
-"""Before the next attempt to connect; the last repeats."""
+"""Pauses before the next attempt to connect, s; the last repeats."""
 OPENING_PATIENCE_S = 2 * OPEN_TIMEOUT_S + 2.0
 """FFmpeg takes its time twice: to connect, and to find out what comes."""
 WAITING_PATIENCE_S = 3.0

@@ -101,7 +101,7 @@ class Trial:
         if self._bytes > HELD_BYTES:
             self._let_go(len(self.held) // 2)
             if self.kind == "rtp":  # what is left begins anywhere
-                self._begin_anew()
+                self._clear_units()
                 self.proven = False
 
     def look(self) -> None:
@@ -141,7 +141,7 @@ class Trial:
                 self._ends[1] -= gone
             self._ends.append(len(self.held) - 1)
 
-    def _begin_anew(self) -> None:
+    def _clear_units(self) -> None:
         self._units.clear()
         self._ends.clear()
         self._decoder = None
@@ -153,7 +153,7 @@ class Trial:
                 self._decoder = cast(VideoCodecContext, CodecContext.create(self.codec, "r"))
             with contextlib.suppress(*_DAMAGE):
                 if self._decoder.decode(cast("Packet[CodedStream]", Packet(unit.data))):
-                    self._begin_anew()
+                    self._clear_units()
                     return True
         return False
 

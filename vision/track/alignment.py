@@ -31,33 +31,35 @@ ANCHORS = 6
 VOTERS = 16
 """Tracks by which the candidates are compared before the best of them are refined."""
 PARTNERS = 3
-"""The farthest ones, of which one anchor after the other takes the next."""
+"""Number of the farthest tracks that anchors take in turn as their partner."""
 FINALISTS = 5
 """Candidates that are refined."""
 REFINEMENTS = 2
 """Rounds of least squares, each on the pairs that fit the last one."""
-MOST_NEAR = 12
+MAX_NEAR = 12
 """Boxes that are considered for each track, the nearest ones."""
 TURN_STD = 0.03
-"""1σ of the rotation in one frame, rad: a fixed camera that looks ahead rolls so fast in gusts."""
+"""1σ of the rotation in one frame, rad: as fast as a fixed camera that looks ahead rolls in gusts."""
 ZOOM_STD = 0.015
 """1σ of the change of scale in one frame: perspective that the model does not contain, and climbing."""
 COMPATIBLE = 12.0
-"""Two pairs make a candidate if their squared distance from the nearest one is less (2 degrees of freedom)."""
+"""Squared distance from the nearest candidate below which two pairs make one (2 degrees of freedom)."""
 SIZE_STD = 0.2
 """1σ of the logarithm of a box's size relative to its track's."""
 AXIS_LIMIT = 0.6
-"""A box whose axis differs by more from a track's, rad, is not its, if both are longer than wide ..."""
+"""Largest difference of axes, rad, of a track and its box, if both are elongated."""
 ELONGATED = 1.25
-"""... by this factor."""
+"""Ratio of sides above which a box has an axis that counts."""
 TOLERANCE = 0.2
 """1σ of what a candidate leaves before it is refined, sizes."""
 MOTION_WEIGHT = 3.0
 """Weight of ln(1 + d²/2σ²), the prior of a displacement d: its tails are heavy since gusts come suddenly."""
 EVIDENT_SHARE = 0.9
-"""If a small motion explains so much of all that could be explained, no other is looked for."""
-LEAST_GAIN = 12.0
+"""Share of all that could be explained from which a small motion is taken without looking for another."""
+MIN_GAIN = 12.0
 """A motion has to explain more than none by as much, in units of the squared distance; less may be chance."""
+_PRECISION = np.diag([1e-9, 1e-9, TURN_STD**-2, ZOOM_STD**-2])
+"""Λ of θ in least squares: shifts are free."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -73,7 +75,7 @@ class BoxShapes:
 
     @classmethod
     def of(cls, rows: Floats) -> BoxShapes:
-        """From rows cx cy w h angle, (n, 5)."""
+        """Read rows cx cy w h angle, (n, 5)."""
         w, h = rows[:, 2], rows[:, 3]
         axis = rows[:, 4] + np.where(w < h, 0.5 * np.pi, 0.0)
         long = np.maximum(w, h) > ELONGATED * np.minimum(w, h)
@@ -154,7 +156,7 @@ class _PairPoints:
     """(n, c) of the box."""
 
     def of(self, rows: Indices) -> _PairPoints:
-        """Alignment of some of the tracks."""
+        """Return the pairs of some of the tracks."""
         return _PairPoints(
             motion=self.motion[rows],
             variance=self.variance[rows],
@@ -174,7 +176,7 @@ def _near(
     with np.errstate(invalid="ignore"):
         possible = (squared < (reach * reach)[:, None]) & ~(turned > AXIS_LIMIT)
     squared = np.where(possible, squared, np.inf)
-    most = min(int(possible.sum(axis=1).max(initial=1)) or 1, MOST_NEAR)
+    most = min(int(possible.sum(axis=1).max(initial=1)) or 1, MAX_NEAR)
     column = np.argsort(squared, axis=1, kind="stable")[:, :most]
     larger = np.log(boxes.size[column] / tracks.size[:, None]) / SIZE_STD
     rows = np.arange(len(column))[:, None]
@@ -197,7 +199,7 @@ def _best(theta: Floats, pairs: _PairPoints, size: Floats, prior: _Prior, boxes:
     theta = np.concatenate([none, theta])
     score = _explained(_fit(theta, pairs, pairs.variance), pairs.column, boxes) - prior.penalty(theta)
     best = int(np.argmax(score))
-    if score[best] < score[0] + LEAST_GAIN:
+    if score[best] < score[0] + MIN_GAIN:
         best = 0
     return theta[best], float(score[best])
 
@@ -226,10 +228,6 @@ class _Prior:
         return np.asarray(
             MOTION_WEIGHT * np.log1p(unusual) + (theta[:, 2] / TURN_STD) ** 2 + (theta[:, 3] / ZOOM_STD) ** 2
         )
-
-
-_PRECISION = np.diag([1e-9, 1e-9, TURN_STD**-2, ZOOM_STD**-2])
-"""Λ of θ in least squares: shifts are free."""
 
 
 def _candidates(pairs: _PairPoints, place: Floats) -> Floats:

@@ -6,7 +6,7 @@ box of score s, where s₀ is the score from which on boxes count, u the mean of
 the last seconds, l the logarithm of a track's size and v its mean over the confirmed tracks n at the same height of the
 picture, which are about as far away, a track gains
 
-    max(SLOPE (x − u) + MARGIN, LEAST) − min(½ ((v − l − ALIKE) / SIZE_STD)², MOST_SMALL) n / (n + 1)     with each box,
+    max(SLOPE (x − u) + MARGIN, MIN_LOOK) − min(½ ((v − l − ALIKE) / SIZE_STD)², MAX_SMALL) n / (n + 1)   with each box,
     −MISS     in each frame without one in which it was looked for,
 
 and is reported from ``ENOUGH`` on: a sequential test in which u and v make up for what the detector cannot know. Where
@@ -29,30 +29,31 @@ Floats = NDArray[np.float64]
 MARGIN = 1.15
 """Score below the usual that a box may have and still speak for a vehicle, nats."""
 SLOPE = 1.5
-"""Detectors' scores lie closer together than the odds that they stand for."""
+"""Factor on differences of logit scores: detectors' scores lie closer together than the odds that they stand for."""
 MISS = 0.5
-"""Against a track in each frame without a box, nats: most vehicles are seen in most frames."""
-LEAST = 0.2
-"""For a track with each box that counts: dark vehicles among bright ones are reported after a dozen boxes."""
+"""Evidence against a track in each frame without a box, nats: most vehicles are seen in most frames."""
+MIN_LOOK = 0.2
+"""Least evidence for a track with each box that counts, nats: dark vehicles among bright ones are reported after a
+dozen boxes."""
 RANGE = (-0.3, 3.0)
 """Range of u. Where vehicles are hardly seen, two boxes of s₀ are enough; where clear, scores of 0.9 for s₀ = 0.3
 are as usual."""
 MEMORY_S = 1.0
-"""Time constant of u."""
+"""Time constant with which the usual score u is averaged, seconds."""
 SURE = 0.99
-"""Scores count as at most so much, and as at least the rest."""
+"""Upper limit of scores; the lower one is 1 less this."""
 ALIKE, SIZE_STD = 0.2, 0.25
 """Largest amount by which most vehicles are smaller than the rest, and 1σ beyond that, of the logarithm of sizes."""
-MOST_SMALL = 1.0
-"""Against a track for its size in each frame, nats, at the most: less than MARGIN."""
+MAX_SMALL = 1.0
+"""Most evidence against a track for its size in each frame, nats: less than MARGIN."""
 BESIDE = 8.0
-"""Tracks are at the same height of the picture within about as many of their sizes."""
+"""1σ of the difference in height of the picture at which tracks are compared by size, in sizes of the track."""
 REPORTED_REACH = 3.0
-"""A track is where a vehicle reports to be within so many of its sizes ..."""
+"""Distance within which a track is where a vehicle reports to be, in sizes of the track."""
 
 
 class TrackEvidence:
-    """Gathers it for the tracks that are not reported yet.
+    """Gathers evidence for the tracks that are not reported yet.
 
     Args:
         least: the score from which on boxes count.
@@ -76,7 +77,7 @@ class TrackEvidence:
             return
         new = state.select(rows)
         usual = min(max(self._usual, RANGE[0]), RANGE[1])
-        looks = np.maximum(SLOPE * (_logit(new.score) - self._least - usual) + MARGIN, LEAST)
+        looks = np.maximum(SLOPE * (_logit(new.score) - self._least - usual) + MARGIN, MIN_LOOK)
         gain = np.where(new.unseen, -MISS * ~new.skipped, looks - _too_small(new, state))
         if reported_px is not None and len(reported_px):
             away = np.linalg.norm(new.x[:, None, :2] - reported_px, axis=2).min(axis=1)
@@ -99,7 +100,7 @@ def _too_small(new: TrackState, state: TrackState) -> Floats:
     weight = np.exp(-0.5 * away * away)
     n = weight.sum(axis=1)
     less = np.maximum((weight @ np.log(size)) / np.maximum(n, 1e-9) - np.log(new.length) - ALIKE, 0.0) / SIZE_STD
-    return np.asarray(np.minimum(0.5 * less * less, MOST_SMALL) * n / (n + 1.0))
+    return np.asarray(np.minimum(0.5 * less * less, MAX_SMALL) * n / (n + 1.0))
 
 
 def _logit(score: Floats) -> Floats:

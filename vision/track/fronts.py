@@ -1,8 +1,8 @@
 """The end of a box that is its vehicle's front: what the detector says of each box, and where the vehicle drives.
 
 Two numbers are kept for each track, both positive for a front along the box's axis and negative for one against it:
-votes, one for each box whose front was told, at most ``MOST_VOTES`` of them; and the way that the vehicle went along
-its axis, in lengths of its own and at most ``MOST_LENGTHS``. A detector errs for as long as the view lasts, from the
+votes, one for each box whose front was reported, at most ``MAX_VOTES`` of them; and the way that the vehicle went along
+its axis, in lengths of its own and at most ``MAX_LENGTHS``. A detector errs for as long as the view lasts, from the
 side above all, while vehicles drive forwards: what they went counts as
 
     f = votes + VOTES_A_LENGTH · way,     the way only once it is a length
@@ -17,15 +17,15 @@ from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
 
-MOST_VOTES = 5.0
+MAX_VOTES = 5.0
 """Most votes that are remembered: a turned front is accepted after about as many detections."""
 VOTES_A_LENGTH = 4.0
-"""Well before two lengths it has to be more than all votes."""
-MOST_LENGTHS = 3.0
-"""Way that is remembered, lengths: so far may a vehicle back up, and its front still be where it was."""
-LEAST_LENGTHS = 1.0
+"""Votes that one length of the way counts as: well before two lengths it has to outweigh all detections."""
+MAX_LENGTHS = 3.0
+"""Way that is remembered, lengths: a vehicle may back up this far, and its front still be where it was."""
+MIN_LENGTHS = 1.0
 """A shorter way may be an error of the camera's motion."""
-LEAST_SPEED = 0.2
+MIN_SPEED = 0.2
 """Least speed of a vehicle that drives, lengths/s: slower ones may be at rest in a picture that is not quite."""
 SURE_STDS = 2.0
 """A speed counts that is larger than its own uncertainty by this factor."""
@@ -35,7 +35,7 @@ ALONG = 0.8
 
 def front_of(votes: Floats, way: Floats) -> Floats:
     """(k,) votes and way, lengths, in one number: positive along the axis, negative against it, 0 unknown."""
-    return np.asarray(votes + VOTES_A_LENGTH * way * (np.abs(way) >= LEAST_LENGTHS))
+    return np.asarray(votes + VOTES_A_LENGTH * way * (np.abs(way) >= MIN_LENGTHS))
 
 
 def vote_of(heading: Floats, axis: Floats) -> Floats:
@@ -50,7 +50,7 @@ def votes_after(votes: Floats, vote: Floats) -> Floats:
     if np.count_nonzero(after) < len(after):
         # a draw goes to the previous front
         after = np.where(after == 0, -0.5 * vote, after)
-    return np.minimum(np.maximum(after, -MOST_VOTES), MOST_VOTES)
+    return np.minimum(np.maximum(after, -MAX_VOTES), MAX_VOTES)
 
 
 def way_after(way: Floats, vx: Floats, vy: Floats, variance: Floats, axis: Floats, length: Floats, dt: float) -> Floats:
@@ -66,8 +66,8 @@ def way_after(way: Floats, vx: Floats, vy: Floats, variance: Floats, axis: Float
         dt: s.
     """
     along, squared = vx * np.cos(axis) + vy * np.sin(axis), vx * vx + vy * vy
-    slow = LEAST_SPEED * length
+    slow = MIN_SPEED * length
     driving = squared > np.maximum(slow * slow, SURE_STDS**2 * variance)
     driving &= along * along > ALONG**2 * squared
     after = way + driving * along * dt / np.maximum(length, 1.0)
-    return np.minimum(np.maximum(after, -MOST_LENGTHS), MOST_LENGTHS)
+    return np.minimum(np.maximum(after, -MAX_LENGTHS), MAX_LENGTHS)

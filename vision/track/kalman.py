@@ -24,9 +24,9 @@ _STILL = np.eye(4)
 _MOVE_EITHER = np.kron(_MOVE, _STILL) + np.kron(_STILL, _MOVE)
 """F ⊗ F = I + dt (N ⊗ I + I ⊗ N) + dt² N ⊗ N: its linear part, for vec P."""
 _MOVE_BOTH = np.kron(_MOVE, _MOVE)
-"""Its quadratic part."""
+"""Quadratic part of F ⊗ F."""
 _STILL_BOTH = np.eye(16)
-"""Its constant part."""
+"""Constant part of F ⊗ F."""
 
 
 def initial(centre: Floats, noise: Floats, speed: Floats) -> tuple[Floats, Floats]:
@@ -102,7 +102,7 @@ def jacobian(H: Floats, points: Floats) -> Floats:
 
 
 def warp(x: Floats, P: Floats, H: Floats) -> tuple[Floats, Floats, Floats]:
-    """The same states in a frame that H (3, 3) leads to; velocity turns and scales with its place.
+    """Move states into a frame that H (3, 3) leads to; velocity turns and scales with its place.
 
     Returns:
         x (k, 4), P (k, 4, 4) and the Jacobian J (k, 2, 2) of the map at each place.

@@ -23,7 +23,7 @@ class Pairs(NamedTuple):
     """(p,)"""
 
     def where(self, mask: NDArray[np.bool_]) -> Pairs:
-        """Those of a mask (p,)."""
+        """Return the pairs of a mask (p,)."""
         return Pairs(self.row[mask], self.column[mask], self.cost[mask])
 
     def undisputed(self, limit: float) -> bool:

@@ -20,7 +20,15 @@ LARGER = 1.2
 PULL = 0.5
 """Tracks inside a common box move by this share of the distance from their mean to the box's centre."""
 GAP_S = 0.2
-"""They count as unseen for no longer than this, seconds."""
+"""Longest time for which they count as unseen, seconds."""
+REACH = 1.0
+"""Tracks may share a box that is no further away, sizes: what touches is detected as one."""
+SIDE_STD = 0.1
+"""1σ of the logarithm of a box's sides relative to those of its track."""
+COMMON_SIDES = 0.8
+"""Range of that logarithm for a box around two: from the side of one to somewhat more than that of both, ln 2.2."""
+CLEAR = 0.8
+"""A box is a track's own if that is at least as probable, both tracks and both at once being equally usual."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,16 +80,6 @@ def find_merged(state: TrackState, params: TrackerParams, boxes: Detections, apa
             gap_s[settled[held]] = np.minimum(gap_s[settled[held]], GAP_S)
     rows = np.flatnonzero(inside_any)
     return MergedBoxes(merged, rows, moved[rows], gap_s[rows]) if len(rows) else None
-
-
-REACH = 1.0
-"""Tracks may share a box that is no further away, sizes: what touches is detected as one."""
-SIDE_STD = 0.1
-"""1σ of the logarithm of a box's sides relative to those of its track."""
-COMMON_SIDES = 0.8
-"""Range of that logarithm for a box around two: from the side of one to somewhat more than that of both, ln 2.2."""
-CLEAR = 0.8
-"""A box is a track's own if that is at least as probable, both tracks and both at once being equally usual."""
 
 
 def find_shared(

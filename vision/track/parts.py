@@ -23,7 +23,7 @@ BIN, SHORTEST_M, LONGEST_M = 0.05, 0.2, 40.0
 """Width of a class of lengths, of their ln, and the range of the classes, m."""
 ALIKE = 0.15
 """Lengths whose ln differ by no more are alike: a detector's boxes vary by a tenth."""
-LEAST_SHARE, LEAST_AGAINST_PARTS = 0.2, 0.35
+MIN_SHARE, MIN_AGAINST_PARTS = 0.2, 0.35
 """Least share of all boxes that must be as long as the whole, and least ratio to those as long as a part: vehicles
 that are two boxes for a third of the time give as many of one as of the other."""
 GAP, ASIDE = 0.22, 0.3
@@ -35,18 +35,18 @@ WIDTHS = 0.25
 
 
 @dataclass(frozen=True, slots=True)
-class Wholes:
+class JoinedBoxes:
     """The boxes of a frame, one for each two that are parts of one vehicle."""
 
     boxes: Detections
     """(k,) in the order of their first parts."""
     first: Ints
-    """(k,) row of each among the boxes of the frame; of one that was put together, of its one part ..."""
+    """(k,) row of each among the boxes of the frame; of one that was put together, of its first part."""
     second: Ints
-    """(k,) ... and of its other part; −1 none."""
+    """(k,) row of the other part of each that was put together; −1 none."""
 
 
-class Parts:
+class PartJoiner:
     """Learns how long vehicles are here, and puts the parts of one together."""
 
     def __init__(self) -> None:
@@ -54,7 +54,7 @@ class Parts:
         """Time for which each class of lengths was seen, s."""
         self._t_us: int | None = None
 
-    def joined(self, t_us: int, boxes: Detections, pixel_m: Floats, least_score: float) -> Wholes:
+    def join(self, t_us: int, boxes: Detections, pixel_m: Floats, least_score: float) -> JoinedBoxes:
         """Put the parts of vehicles together.
 
         Args:
@@ -84,7 +84,7 @@ class Parts:
         first, counted = np.flatnonzero(begins), strong[begins[strong]]
         self._weight += self._counted((length * scale)[counted], dt)
         whole_boxes = _replaced(boxes, width, pairs) if pairs else boxes
-        return Wholes(whole_boxes.select(first) if pairs else boxes, first, second[first])
+        return JoinedBoxes(whole_boxes.select(first) if pairs else boxes, first, second[first])
 
     def _counted(self, length_m: Floats, dt: float) -> Floats:
         """(K,) what boxes of these lengths add to each class in a time."""
@@ -94,7 +94,7 @@ class Parts:
         """Tell whether a vehicle is rather as long as the first of three lengths than as the two parts of it."""
         reach = round(ALIKE / BIN)
         whole, *parts = (float(np.sum(weight[max(k - reach, 0) : k + reach + 1])) for k in _class_of(length_m).tolist())
-        return whole >= LEAST_SHARE * float(np.sum(weight)) and whole >= LEAST_AGAINST_PARTS * max(parts)
+        return whole >= MIN_SHARE * float(np.sum(weight)) and whole >= MIN_AGAINST_PARTS * max(parts)
 
 
 def _class_of(length_m: Floats) -> NDArray[np.int64]:

@@ -18,8 +18,8 @@ SIZE_TIME_S = 0.5
 """Time constant of the smoothed sides."""
 ENOUGH = 2.5
 """Evidence from which on a track is reported, nats. Raise → fewer tracks on nothing; lower → sooner ones."""
-MOST_SKIPPED_S = 1.0
-"""Time that nobody looks is no time out of sight, up to so much: by then a track may be anywhere."""
+MAX_SKIPPED_S = 1.0
+"""Longest time without a look that does not count as out of sight: by then a track may be anywhere."""
 CONFIRM_HITS = 2
 """Fewest frames that confirm: what looks most like a vehicle may still be none."""
 AXIS_TIME_S = 0.12
@@ -101,7 +101,7 @@ class TrackState:
 
     @property
     def expected(self) -> Floats:
-        """(k, 2) px where it was expected in this frame, NaN where it begins anew; read-only copy."""
+        """(k, 2) px where it was expected in this frame, NaN where it starts again; read-only copy."""
         expected = self.table[EXPECTED].T.copy()
         expected.setflags(write=False)
         return expected
@@ -208,7 +208,7 @@ class TrackState:
         return TrackState(self.table.take(rows, axis=1))
 
     def join(self, other: TrackState) -> TrackState:
-        """These tracks and then the others."""
+        """Return these tracks and then the others."""
         return TrackState(np.concatenate([self.table, other.table], axis=1))
 
     def predict(self, dt: float, wander: float) -> None:
@@ -221,18 +221,18 @@ class TrackState:
     def skip(self, rows: Flags, dt: float) -> None:
         """Note that nobody looks for some tracks (k,) in this frame, ``dt`` seconds after the one before."""
         self.table[SKIPPED, rows] = 1.0
-        self.table[SKIPPED_S, rows] = np.minimum(self.table[SKIPPED_S, rows] + dt, MOST_SKIPPED_S)
+        self.table[SKIPPED_S, rows] = np.minimum(self.table[SKIPPED_S, rows] + dt, MAX_SKIPPED_S)
 
     def note_expected(self) -> None:
         """Keep where the tracks are now as where they are expected in this frame."""
         self.table[EXPECTED] = self.table[:2]
 
     def copy(self) -> TrackState:
-        """The same tracks, to be moved otherwise."""
+        """Copy the tracks, to be moved otherwise."""
         return TrackState(self.table.copy())
 
     def take_motion(self, other: TrackState) -> None:
-        """Be where the same tracks of ``other`` are; where they are expected stays."""
+        """Copy the motion and the shape of the same tracks in ``other``; where they are expected stays."""
         self.table[: EXPECTED.start] = other.table[: EXPECTED.start]
 
     def warp(self, H: Floats) -> None:
@@ -248,7 +248,7 @@ class TrackState:
         _measure(table)
 
     def correct(self, rows: Indices, boxes: Detections, index: Indices, noise: Floats) -> None:
-        """Tracks ``rows`` (q,) are seen as the detections ``index`` (q,); ``noise`` (q,) px of their centres."""
+        """Correct the tracks ``rows`` (q,) by the detections ``index`` (q,); ``noise`` (q,) px of their centres."""
         known, seen = self.table.take(rows, axis=1), boxes.table.take(index, axis=1)
         _move(known, *kalman.correct(known[X].T, _square(known), seen[:2].T, noise))
         _reshape(known, seen)
@@ -256,7 +256,7 @@ class TrackState:
         self.table[:, rows] = known
 
     def restart(self, rows: Indices, boxes: Detections, index: Indices, noise: Floats, speed: Floats) -> None:
-        """Tracks ``rows`` (q,) are found again elsewhere: as new in motion, the same in id and age."""
+        """Restart the motion of the tracks ``rows`` (q,), which are found again elsewhere; id and age stay."""
         known, seen = self.table.take(rows, axis=1), boxes.table.take(index, axis=1)
         _place(known, seen, noise, speed)
         _mark_seen(known, seen, index)
@@ -322,5 +322,5 @@ def _turn_back(change: Floats, table: Floats, seen: Floats) -> None:
 
 
 def _near_zero(angle: Floats, period: float) -> Floats:
-    """The same angle modulo ``period``, nearest to 0."""
+    """Return an angle modulo ``period``, nearest to 0."""
     return np.asarray((angle + period / 2) % period - period / 2)

@@ -36,10 +36,10 @@ Flags = NDArray[np.bool_]
 INTERVALS, MISSED_FRAMES = 5, 2.2
 """Number of frame intervals whose median is the usual one, and how many usual ones a track may go without a box: one
 frame in which its vehicle is missed must not end it."""
-LEAST_SHIFT = 0.1
-"""A smaller displacement of most tracks, in box sizes, is left to the filter."""
+MIN_SHIFT = 0.1
+"""Displacement of most tracks, in box sizes, below which it is left to the filter."""
 REACH = 4.0
-"""No track is displaced further by an unknown motion of the camera, sizes."""
+"""Greatest displacement of a track by an unknown motion of the camera, sizes."""
 UNREST_S = 1.0
 """Time over which displacements are averaged."""
 FIRST_UNREST_PX2 = 400.0
@@ -47,13 +47,13 @@ FIRST_UNREST_PX2 = 400.0
 VELOCITY_SHARE = 0.2
 """Share of a displacement that is taken for velocity: a camera that turns on is followed, one that shakes hardly."""
 REST = 0.25
-"""A displacement of so many sizes is never unusual."""
+"""Displacement in sizes that is never unusual."""
 REACH_SHARE = 0.05
-"""... or than this share of the frame's width, if that is more: small boxes jump as far as large ones."""
+"""Least reach as a share of the frame's width, for small boxes: they jump as far as large ones."""
 SURE_SHARE = 0.7
 """Share of all that could be explained from which on the warp is not doubted."""
 BETTER_START = 6.0
-"""The warp is left out only if that explains more by this much, in units of the squared distance."""
+"""Advantage, in units of the squared distance, with which leaving the warp out has to explain the boxes."""
 
 
 class Tracker:
@@ -72,7 +72,7 @@ class Tracker:
         self._next_id = 1
         self._t_us: int | None = None
         self._paced = self.params
-        """The same with patience for as long as a missed frame takes."""
+        """Parameters with patience for as long as a missed frame takes."""
         self._recent_s = self.params.known_s
         self._intervals_s: deque[float] = deque(maxlen=INTERVALS)
         self._unwarped: TrackState | None = None
@@ -237,7 +237,7 @@ class Tracker:
         keep = np.exp(-dt / UNREST_S)
         self._unrest *= keep
         nearest = state.apart(boxes)[voters][:, chosen].min(axis=1)
-        near = nearest < (LEAST_SHIFT * state.length[voters]) ** 2
+        near = nearest < (MIN_SHIFT * state.length[voters]) ** 2
         # boxes of nothing come once, but at the start nothing has come twice
         settled = state.confirmed[voters]
         if not np.count_nonzero(settled):

@@ -40,8 +40,8 @@ class TrackerParams:
     limit: float = 40.0
     """Cost of leaving a track and a box apart. Raise → doubtful matches are made; lower → tracks break instead."""
     weak_limit: float = 24.0
-    """The same for boxes that may not begin a track. Raise → tracks live on through worse boxes; lower → they are less
-    often taken over by what is none."""
+    """Equivalent of ``limit`` for boxes that may not begin a track. Raise → tracks live on through worse boxes; lower →
+    they are less often taken over by what is none."""
     centre_noise: float = 0.04
     """Standard deviation of a detected centre, sizes (and at least 1 px). Raise → smoother, slower boxes."""
     wander: float = 2.5
@@ -49,13 +49,14 @@ class TrackerParams:
     first_speed: float = 3.0
     """Standard deviation of the velocity of something just seen, sizes/s. Raise → faster vehicles are caught."""
     top_speed: float = 12.0
-    """No vehicle moves faster, sizes/s. Raise → lost tracks reach further; lower → fewer foreign boxes are taken."""
+    """Greatest speed of a vehicle, sizes/s. Raise → lost tracks reach further; lower → fewer foreign boxes are
+    taken."""
     tentative_s: float = 0.35
     """A track that is not confirmed ends after this long unseen."""
     short_s: float = 1.0
-    """A confirmed track coasts as long as it was seen, but at least this long ..."""
+    """Shortest time for which a confirmed track coasts; else as long as it was seen."""
     coast_s: float = 2.5
-    """... and at most this long. Raise → longer occlusions are bridged; lower → fewer ghosts."""
+    """Longest time for which a confirmed track coasts. Raise → longer occlusions are bridged; lower → fewer ghosts."""
     known_s: float = 0.45
     """A track of a known vehicle that was out of sight for longer is continued by that vehicle's report only."""
     frame_size: tuple[int, int] | None = None
@@ -71,7 +72,7 @@ class Tracks:
     speaks yet (``vision.track.evidence``). Arrays (k,) unless noted, read-only."""
 
     track_id: Ints
-    """From 1."""
+    """Track id, from 1."""
     detection: Indices
     """Index into this frame's detections, -1 while coasting."""
     cx: Floats
@@ -89,9 +90,9 @@ class Tracks:
     hits: Ints
     """Frames in which it was seen."""
     age_s: Floats
-    """Since first seen."""
+    """Time since first seen, s."""
     gap_s: Floats
-    """Since last seen, 0 when seen now; in a box around several at most 0.2."""
+    """Time since last seen, s; 0 when seen now; in a box around several at most 0.2."""
     missed_s: Floats
     """Part of the time since it was last seen in which it was looked for."""
     vx: Floats

@@ -26,9 +26,9 @@ class CodedFrame:
     """One frame, coded."""
 
     index: int
-    """In display order."""
+    """Index in display order."""
     packet: Packet[VideoStream]
-    """With the data; its time stamps are those of its own file."""
+    """Packet with the data; its time stamps are those of its own file."""
 
 
 class CodedFilm:

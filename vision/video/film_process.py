@@ -31,20 +31,20 @@ from vision.errors import VideoError
 from vision.video.frame_index import FrameIndex, FrameReader, read_index, read_tags, reason
 
 _INDEX_BYTES, _TIMES_LARGER = 1 << 30, 3
-"""Memory that an index may take: so much for the first picture, and so many times the file's size."""
+"""Memory that an index may take: this much for the first picture, and this many times the file's size."""
 _PICTURES_BYTES, _PICTURES_SHARE = 4 << 30, 0.5
-"""Memory that pictures may take, those that others are coded by included: so much, or that share of the machine's."""
+"""Memory that pictures may take, those that others are coded by included: this much, or that share of the machine's."""
 _NEXT_S = 60.0
 """Longest time for the next picture in sequence, s."""
 _SLOWEST_BYTES_A_SECOND = 250_000
-"""Slowest pace through a whole film: its index, and a picture that others come before, may take so much longer."""
+"""Slowest pace through a whole film: its index, and a picture that others come before, may take this much longer."""
 _WAKE_S = 1.0
 """Time between two looks at whether the process that is waited for could have answered, s."""
 _ORPHAN_S = 5.0
 """Time between two looks of the process at whether who started it still lives, s."""
 _ONE_THREAD = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
 """Threads of numpy's, which only carries pictures there, take address space."""
-_MOST_MESSAGE = (1 << 31) - 1
+_MAX_MESSAGE = (1 << 31) - 1
 
 Answer = TypeVar("Answer")
 
@@ -134,7 +134,7 @@ class FilmReader:
         try:
             self._memory = os.fdopen(make_memory(0), "r+b", buffering=0)
             self._process: ChildProcess[_Answer] = ChildProcess(
-                __name__, _Answer, fds=[self._memory.fileno()], environment=_ONE_THREAD, most_bytes=_MOST_MESSAGE
+                __name__, _Answer, fds=[self._memory.fileno()], environment=_ONE_THREAD, most_bytes=_MAX_MESSAGE
             )
         except OSError as error:
             raise VideoError(f"video {path}: no process starts to read it: {error.strerror}") from error
@@ -143,7 +143,7 @@ class FilmReader:
         self._next = 0
         """The frame that its decoder comes to next; -1 where that is not known."""
         self._ended = ""
-        """Why it answers no more, empty while it does."""
+        """Reason why it answers no more, empty while it does."""
         self._ask(_OpenFilm(os.fsencode(path), self._memory.fileno(), None if index is None else _packed(index, {})))
         self.tags: dict[str, str] = {}
         if index is None:
@@ -168,7 +168,7 @@ class FilmReader:
             picture = self._receive(_Decoded, _NEXT_S)
 
     def read(self, index: int) -> NDArray[np.uint8] | None:
-        """That frame, None when it does not decode.
+        """Decode a frame, None when it does not decode.
 
         Raises:
             VideoError: FFmpeg does not come to it.
@@ -325,7 +325,7 @@ def main() -> None:
     """Answer requests until there are no more."""
     bound(resource.RLIMIT_CORE, 0)
     threading.Thread(target=_end_with, args=(os.getppid(),), daemon=True).start()
-    parent: MessageChannel[_Request] = connect_to_parent(_Request, most_bytes=_MOST_MESSAGE)
+    parent: MessageChannel[_Request] = connect_to_parent(_Request, most_bytes=_MAX_MESSAGE)
     film = _FilmWorker(parent)
     with suppress(EOFError, OSError):  # nobody waits any more
         while (request := parent.receive()) is not None:

@@ -29,12 +29,12 @@ ONE_FILE = (
     "h264,hevc,vvc,av1,mjpeg,yuv4mpegpipe,gif"
 )
 """Containers that are one file: a playlist would have FFmpeg open whatever its author names, pipes included."""
-_LEAST_ASPECT = 0.1
+_MIN_ASPECT = 0.1
 """A pixel that is narrower than this is a damaged number."""
 _AGREE = 3
 """Frames on either side of where time stamps begin again: those that are shown later than coded do not agree."""
-_MOST_TRIED = 64
-"""Packets until the first picture."""
+_MAX_TRIED = 64
+"""Most packets that are decoded to find the first picture."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -44,18 +44,18 @@ class FrameIndex:
     width: int
     height: int
     pts: list[int]
-    """Display order, in ticks."""
+    """Time stamps in display order, ticks."""
     order: dict[int, int]
-    """pts → index."""
+    """Index by time stamp."""
     key_pts: NDArray[np.int64]
     """Frames that decoding can begin at, ascending."""
     tick_us: float
     quarter_turns: int = 0
-    """Counterclockwise, that the container asks for."""
+    """Quarter turns counterclockwise that the container asks for."""
     aspect: float = 1.0
     """Width of a coded pixel by its height."""
     shown_as: str = ""
-    """In words, how pictures are shown otherwise than they are coded; empty as coded."""
+    """Difference in words between how pictures are shown and how they are coded; empty as coded."""
 
 
 def read_index(path: Path) -> FrameIndex:
@@ -107,7 +107,8 @@ def coded_packets(container: InputContainer, stream: VideoStream) -> Iterator[tu
 
 
 def _decodable(container: InputContainer, stream: VideoStream) -> Iterator[tuple[int, Packet[VideoStream]]]:
-    """Likewise of every frame that can be decoded: the first ones of a trimmed film are hidden, and needed."""
+    """Yield time stamp and packet of every frame that can be decoded: the first ones of a trimmed film are hidden, and
+    needed."""
     return _from_key(_stamped(container, stream))
 
 
@@ -157,7 +158,7 @@ def _picture(path: Path, stream: VideoStream) -> tuple[int, int, int, float, str
     first = first_picture(path)
     turns = round(first.rotation / 90.0) % 4 if first is not None else 0
     aspect = float(stream.sample_aspect_ratio or coded.sample_aspect_ratio or 1.0)
-    aspect = aspect if _LEAST_ASPECT < aspect < 1.0 / _LEAST_ASPECT else 1.0
+    aspect = aspect if _MIN_ASPECT < aspect < 1.0 / _MIN_ASPECT else 1.0
     words = []
     if aspect != 1.0:
         # nothing is lost where the shorter side of a pixel is drawn out
@@ -167,8 +168,8 @@ def _picture(path: Path, stream: VideoStream) -> tuple[int, int, int, float, str
         words.append(("turned by 90° to the left", "turned by 180°", "turned by 90° to the right")[turns - 1])
     if turns % 2:
         width, height = height, width
-    said = f"coded {coded.width}×{coded.height} px, {', '.join(words)}" if words else ""
-    return width, height, turns, aspect, said
+    note = f"coded {coded.width}×{coded.height} px, {', '.join(words)}" if words else ""
+    return width, height, turns, aspect, note
 
 
 def read_tags(path: Path) -> dict[str, str]:
@@ -184,8 +185,8 @@ def first_picture(path: Path) -> VideoFrame | None:
 
 
 def _first_frame(container: InputContainer, stream: VideoStream) -> VideoFrame | None:
-    """None where it does not decode."""
-    for _, packet in islice(_decodable(container, stream), _MOST_TRIED):
+    """Decode the first frame; None where none does."""
+    for _, packet in islice(_decodable(container, stream), _MAX_TRIED):
         try:
             for frame in stream.codec_context.decode(packet):
                 return frame
@@ -213,7 +214,7 @@ class FrameReader:
             yield index, self._image(frame)
 
     def read(self, index: int) -> NDArray[np.uint8] | None:
-        """That frame, None when it does not decode."""
+        """Decode a frame, None when it does not decode."""
         if not self._ahead(index):
             self.go(index)
         for found, frame in self._frames:

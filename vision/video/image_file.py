@@ -1,4 +1,4 @@
-"""Single images of others, decoded within bounds: a file of some kilobytes may ask for gigabytes of pixels."""
+"""Single images from elsewhere, decoded within bounds: a file of some kilobytes may ask for gigabytes of pixels."""
 
 from __future__ import annotations
 
@@ -13,16 +13,16 @@ from PIL import Image as Picture
 
 from infra.files.safe_open import read_small
 
-MOST_SIDE_PX = 16384
-"""No camera has a longer side."""
-MOST_BYTES = 256 << 20
+MAX_SIDE_PX = 16384
+"""Longest side of any camera's picture."""
+MAX_BYTES = 256 << 20
 PNG, PNG_END = b"\x89PNG\r\n\x1a\n", b"IEND"
 FORMATS = ("PNG", "JPEG", "WEBP", "BMP", "TIFF")
 
 Image = NDArray[np.uint8]
 
 
-def decoded(data: bytes, most_side_px: int = MOST_SIDE_PX) -> Image | None:
+def decoded(data: bytes, most_side_px: int = MAX_SIDE_PX) -> Image | None:
     """(H, W, 3) BGR of an image's file; None where it is none, or a side is longer than that by its own heading."""
     try:
         with warnings.catch_warnings():
@@ -49,6 +49,6 @@ def _is_whole_png(data: bytes) -> bool:
 def read_image(path: Path) -> Image | None:
     """The image in a file; None where there is none that can be decoded."""
     try:
-        return decoded(read_small(path, MOST_BYTES))
+        return decoded(read_small(path, MAX_BYTES))
     except OSError:
         return None

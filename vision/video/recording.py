@@ -20,6 +20,7 @@ from av.packet import Packet
 from av.video.stream import VideoStream as CodedStream
 
 from infra.files.restorable_file import RestorableFile
+from infra.files.segment import segment_path
 from vision.errors import VideoError
 
 FIRST_FRAME, START_US = "FIRST_FRAME", "START_US"
@@ -27,8 +28,8 @@ OPTIONS = {"cluster_time_limit": "0", "flush_packets": "1", "allow_raw_vfw": "1"
 TICK = Fraction(1, 1000)
 """Matroska's, s."""
 RETRY_S, LONGEST_RETRY_S = 2.0, 8.0
-"""After a failed write, before a new file is tried; doubles with each further failure."""
-MOST_SEGMENTS = 10_000
+"""Pause after a failed write, before a new file is tried, s; it doubles with each further failure."""
+MAX_SEGMENTS = 10_000
 """Files of one recording; a disk that fails each time must not fill a folder with names."""
 
 
@@ -42,11 +43,6 @@ def require_new(path: Path) -> None:
         raise VideoError(f"recording {path}: the file exists already and is not overwritten; name another")
     if not path.parent.is_dir():
         raise VideoError(f"recording {path}: the folder does not exist; create it")
-
-
-def segment_path(path: Path, k: int) -> Path:
-    """The ``k``-th file of a recording."""
-    return path.with_name(f"{path.stem}.{k}{path.suffix}") if k else path
 
 
 class Recording:
@@ -141,7 +137,7 @@ class Recording:
             self._error = f"recording {kept.path}: deleted or moved while it was written"
 
     def _create(self, first_frame: int, unix_s: float) -> OutputContainer:
-        while self.segment < MOST_SEGMENTS:
+        while self.segment < MAX_SEGMENTS:
             self.segment += 1
             path = segment_path(self.path, self.segment)
             if not os.path.lexists(path):
@@ -198,7 +194,7 @@ class DisplayOrder:
         return self.count + sum(other < pts for other in self._waiting)
 
     def flush(self) -> list[tuple[int, int]]:
-        """The frames that still wait; time stamps may start anew afterwards."""
+        """The frames that still wait; time stamps may start again afterwards."""
         released = self._release(1 << 62)
         self._last = -(1 << 62)
         return released

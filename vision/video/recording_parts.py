@@ -16,8 +16,8 @@ from vision.errors import VideoError
 from vision.video.film_process import FilmReader
 from vision.video.recording import FIRST_FRAME, START_US
 
-MOST_BETWEEN = 1_000_000
-"""Frames between two files, nine hours of them: a file that begins later than that carries a wrong number."""
+MAX_BETWEEN = 1_000_000
+"""Most frames between two files, nine hours of them: a file that begins later than that carries a wrong number."""
 _FAR_US = 1 << 60
 """Bound of times in µs, so that a damaged time stamp does not overflow 64 bits."""
 _DIGITS = 18
@@ -54,7 +54,7 @@ class RecordingPart:
         return np.array([min(max(us, -_FAR_US), _FAR_US) for us in elapsed], dtype=np.int64)
 
     def reader(self) -> FilmReader:
-        """A decoder for who asks alone."""
+        """Open a decoder for the caller alone."""
         with self._lending:
             reader, self._unused = self._unused, None
         reader = reader or FilmReader(self.path, self.index)
@@ -62,7 +62,7 @@ class RecordingPart:
         return reader
 
     def read(self, index: int) -> NDArray[np.uint8] | None:
-        """Its ``index``-th frame, None when it is damaged."""
+        """Decode the ``index``-th frame of the file, None when it is damaged."""
         if self._reader is None:
             self._reader = self.reader()
         return self._reader.read(index)
@@ -85,7 +85,7 @@ def read_parts(path: Path) -> tuple[RecordingPart, ...]:
     try:
         reader = FilmReader(path)
         first, start_us = _place(reader.tags)
-        parts = [RecordingPart(path, reader, first if 0 <= first <= MOST_BETWEEN else 0, start_us)]
+        parts = [RecordingPart(path, reader, first if 0 <= first <= MAX_BETWEEN else 0, start_us)]
     except VideoError:
         # a first file without a frame is no reason to do without the others
         parts = list(_following(path))
@@ -95,7 +95,7 @@ def read_parts(path: Path) -> tuple[RecordingPart, ...]:
         parts += _following(path)
     parts.sort(key=lambda part: part.first)
     for k, (part, following) in enumerate(pairwise(parts), 1):
-        if following.first > part.end + MOST_BETWEEN:
+        if following.first > part.end + MAX_BETWEEN:
             del parts[k:]
             break
     for part, following in pairwise(parts):

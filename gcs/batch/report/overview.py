@@ -1,4 +1,4 @@
-"""The page over all flights: sums, failed flights with their errors, flights from the worst to the best, vehicles.
+"""The page over all flights of a batch: sums, failures, flights from the worst to the best and why, vehicles.
 
 How well a flight went, in words, and which of two went worse.
 """
@@ -27,9 +27,15 @@ UNSURE: Final = 0.9
 WRONG: Final = 0.02
 """Share of boxes without their right name that is worth a word."""
 OUTAGE_S: Final = 10.0
-"""Without a position for so long a vehicle may be anywhere near; radios hold positions up for less."""
+"""Time without a position after which a vehicle may be anywhere near, s; radios hold positions up for less."""
 UNNAMED: Final = 0.5
-"""More boxes without a name than this are more than strangers that drive by."""
+"""Share of boxes without a name beyond which they are more than strangers that drive by."""
+MAX_FLIGHTS: Final = 2000
+"""Most flights of each kind that one page lists; a browser shows as many at once."""
+MAX_VEHICLES: Final = 1000
+_FIGURES: Final = ("right", "precision", "name changes", "calibration error")
+"""Columns of flights whose truth is known."""
+Finding = tuple[float, str]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -38,16 +44,16 @@ class FlightJudgement:
 
     record: FlightRecord
     rank: int
-    """The kind of the worst that was found, 0 the worst."""
+    """Rank of the worst finding's kind, 0 the worst."""
     amount: float
     """Amount by which findings of one kind are compared."""
     reasons: tuple[str, ...]
-    """All that was found, the worst first."""
+    """Findings, the worst first."""
 
     @property
     def level(self) -> str:
         """Level of the worst, as a card shows it."""
-        return "bad" if self.rank <= _LOOKS.index(_nobody) else "warn"
+        return "bad" if self.rank <= _CHECKS.index(_nobody_named) else "warn"
 
     @property
     def order(self) -> tuple[int, float, str]:
@@ -55,18 +61,15 @@ class FlightJudgement:
         return self.rank, -self.amount, self.record.flight
 
 
-Finding = tuple[float, str]
-
-
 def judge(record: FlightRecord) -> FlightJudgement:
     """Judge what a flight's record says of its names."""
-    found = [(rank, finding) for rank, look in enumerate(_LOOKS) if (finding := look(record)) is not None]
-    rank, amount = (found[0][0], found[0][1][0]) if found else (len(_LOOKS), 0.0)
+    found = [(rank, finding) for rank, check in enumerate(_CHECKS) if (finding := check(record)) is not None]
+    rank, amount = (found[0][0], found[0][1][0]) if found else (len(_CHECKS), 0.0)
     return FlightJudgement(record=record, rank=rank, amount=amount, reasons=tuple(text for _, (_, text) in found))
 
 
 def mean_confidence(records: Iterable[FlightRecord]) -> float:
-    """Over all named boxes; NaN without any."""
+    """Return the mean confidence of all named boxes; NaN without any."""
     calls = [call for record in records for call in record.roll_call if call.confidence is not None]
     boxes = sum(call.boxes for call in calls)
     return sum(call.boxes * (call.confidence or 0.0) for call in calls) / boxes if boxes else math.nan
@@ -104,7 +107,7 @@ def _outage(record: FlightRecord) -> Finding | None:
     return len(silent) + 1e-9 * longest_s, f"no position for up to {longest_s:.0f} s: {who}"
 
 
-def _nobody(record: FlightRecord) -> Finding | None:
+def _nobody_named(record: FlightRecord) -> Finding | None:
     if not record.boxes:
         return 2.0, "not one vehicle was detected"
     return None if record.named else (1.0, "nobody was named")
@@ -155,12 +158,12 @@ def _absent(record: FlightRecord) -> Finding | None:
     return (sum(map(len, absent.values())), text) if absent else None
 
 
-_LOOKS: tuple[Callable[[FlightRecord], Finding | None], ...] = (
+_CHECKS: tuple[Callable[[FlightRecord], Finding | None], ...] = (
     _wrong,
     _false_strangers,
     _alarms,
     _outage,
-    _nobody,
+    _nobody_named,
     _never_named,
     _not_right,
     _unnamed,
@@ -168,14 +171,7 @@ _LOOKS: tuple[Callable[[FlightRecord], Finding | None], ...] = (
     _unsure,
     _absent,
 )
-"""The worst first."""
-
-
-MOST_FLIGHTS: Final = 2000
-"""That one page lists of each kind; a browser shows as many at once."""
-MOST_VEHICLES: Final = 1000
-_FIGURES: Final = ("right", "precision", "name changes", "calibration error")
-"""Columns of flights whose truth is known."""
+"""Checks of a flight, the worst finding first."""
 
 
 def read_results(results: ResultStore) -> list[FlightRecord]:
@@ -192,11 +188,7 @@ def read_results(results: ResultStore) -> list[FlightRecord]:
 
 
 def batch_page(records: Sequence[FlightRecord], where: str) -> str:
-    """The whole page, one HTML file that needs nothing else.
-
-    Args:
-        where: address of the batch's results.
-    """
+    """The whole page, one HTML file that needs nothing else."""
     failed = [record for record in records if record.status == FAILED]
     done = [record for record in records if record.status != FAILED]
     judged = sorted(map(judge, done), key=lambda each: each.order)
@@ -264,7 +256,7 @@ def _sums(done: Sequence[FlightRecord], failed: Sequence[FlightRecord]) -> Secti
 
 
 def _score_sums(scores: Sequence[ScoreRecord]) -> list[tuple[str, str]]:
-    """Over all flights of which the truth is known."""
+    """Return sums over all flights of which the truth is known."""
     rows = []
     for what, name in (("right names", "right"), ("precision of names", "precision")):
         known = [value for score in scores if (value := getattr(score, name)) is not None]
@@ -292,11 +284,11 @@ def _failed(failed: Sequence[FlightRecord]) -> Section | None:
         return None
     rows = [
         (record.flight, record.error or "", str(record.attempts), "kept" if record.earlier_result else "none")
-        for record in sorted(failed, key=lambda record: record.flight)[:MOST_FLIGHTS]
+        for record in sorted(failed, key=lambda record: record.flight)[:MAX_FLIGHTS]
     ]
     names = ("flight", "what is wrong", "attempts", "earlier result")
     listed = table(names, rows, right=("attempts",), caption="Flights that failed")
-    return section("Failed flights", listed, _left_out(len(failed), MOST_FLIGHTS, "failed flights"))
+    return section("Failed flights", listed, _left_out(len(failed), MAX_FLIGHTS, "failed flights"))
 
 
 def _left_out(count: int, most: int, what: str) -> str:
@@ -308,7 +300,7 @@ def _flights(judged: Sequence[FlightJudgement]) -> Section:
         return section("Flights, the worst first", empty("Not one flight was named."))
     scored = any(each.record.score is not None for each in judged)
     rows = []
-    for each in judged[:MOST_FLIGHTS]:
+    for each in judged[:MAX_FLIGHTS]:
         record = each.record
         boxes, unnamed = record.boxes or 0, record.unnamed or 0
         rows.append(
@@ -328,7 +320,7 @@ def _flights(judged: Sequence[FlightJudgement]) -> Section:
     listed = table(
         ("flight", "reason", *figures), rows, right=figures, caption="Flights that were named, the worst first"
     )
-    return section("Flights, the worst first", listed, _left_out(len(judged), MOST_FLIGHTS, "better flights"))
+    return section("Flights, the worst first", listed, _left_out(len(judged), MAX_FLIGHTS, "better flights"))
 
 
 def _figures(score: ScoreRecord | None) -> tuple[str, ...]:
@@ -347,7 +339,7 @@ def _vehicles(done: Sequence[FlightRecord]) -> Section | None:
             calls.setdefault((call.name, call.system_id), []).append(call)
     rows = []
     for (name, system_id), each in sorted(calls.items(), key=lambda item: (_share_named(item[1]), item[0]))[
-        :MOST_VEHICLES
+        :MAX_VEHICLES
     ]:
         first_s = [call.first_named_s for call in each if call.first_named_s is not None]
         boxes = sum(call.boxes for call in each)
@@ -366,7 +358,7 @@ def _vehicles(done: Sequence[FlightRecord]) -> Section | None:
         return None
     right = ("system id", "flights", "boxes", "confidence", "named after, median")
     listed = table(("vehicle", *right), rows, right=right, caption="Vehicles over all flights, the worst first")
-    return section("Vehicles, the worst first", listed, _left_out(len(calls), MOST_VEHICLES, "vehicles"))
+    return section("Vehicles, the worst first", listed, _left_out(len(calls), MAX_VEHICLES, "vehicles"))
 
 
 def _share_named(calls: Sequence[VehicleCall]) -> float:

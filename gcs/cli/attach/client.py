@@ -18,7 +18,7 @@ from pathlib import Path
 
 import msgspec
 
-from gcs.cli.attach.place import MOST_BYTES, VARIABLES, Answer, Flying, Wish, connect
+from gcs.cli.attach.place import MAX_BYTES, VARIABLES, Answer, AttachRequest, FlightGreeting, connect
 from gcs.cli.output.console import check_terminal
 from gcs.cli.screen_options import ScreenOptions
 from gcs.errors import GcsError
@@ -32,7 +32,7 @@ RESTORE = b"\x1b[?1049l\x1b[?25h\x1b[?7h\x1b[?1000l\x1b[?1003l\x1b[?1006l\x1b[?1
 FAREWELL_S = 2.0
 
 
-def flies_on(links: Sequence[str]) -> Flying | None:
+def flies_on(links: Sequence[str]) -> FlightGreeting | None:
     """The flight of this user that listens to one of these links."""
     found = None
     for flying, connection in connect():
@@ -60,10 +60,10 @@ def show_flight(which: Path | None, options: ScreenOptions, *, take_over: bool) 
     connection = _choose(which)
     controller, shown = pty.openpty()
     variables = {name: os.environ[name] for name in VARIABLES if name in os.environ and name not in SIZE_VARIABLES}
-    wish = Wish(variables=variables, options=options, take_over=take_over)
+    request = AttachRequest(variables=variables, options=options, take_over=take_over)
     _copy_size(controller)
     try:
-        socket.send_fds(connection, [msgspec.json.encode(wish)], [shown])
+        socket.send_fds(connection, [msgspec.json.encode(request)], [shown])
     except OSError as error:
         raise GcsError(f"the flight does not answer: {error.strerror}") from error
     finally:
@@ -119,14 +119,14 @@ def _show(controller: int, connection: socket.socket) -> Answer | None:
             ready = [connection.fileno()]
         if connection.fileno() in ready:
             with contextlib.suppress(OSError, msgspec.DecodeError):
-                return msgspec.json.decode(connection.recv(MOST_BYTES), type=Answer)
+                return msgspec.json.decode(connection.recv(MAX_BYTES), type=Answer)
             if drawn:
                 os.write(1, RESTORE)
             return None
 
 
 def _carry(source: int, goal: int) -> None:
-    """Keys to the flight; ends with either."""
+    """Carry keys to the flight and its screen back, until either ends."""
     with contextlib.suppress(OSError):
         while data := os.read(source, READ_BYTES):
             os.write(goal, data)

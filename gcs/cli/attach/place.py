@@ -1,4 +1,4 @@
-"""The place where flights wait for terminals, and what is said there."""
+"""Sockets at which flights wait for terminals, and the messages that both exchange."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ import msgspec
 
 from gcs.cli.screen_options import ScreenOptions
 
-MOST_BYTES = 65_536
-"""No message is longer."""
+MAX_BYTES = 65_536
+"""Length of the longest message."""
 ANSWER_S = 5.0
-"""A flight that is well greets sooner."""
+"""Longest wait for a flight's greeting, s."""
 VARIABLES = (
     *("TERM", "COLORTERM", "TERM_PROGRAM", "TERM_PROGRAM_VERSION", "LC_TERMINAL", "VTE_VERSION", "NO_COLOR"),
     *("TMUX", "STY", "SSH_CONNECTION", "COLUMNS", "LINES"),
@@ -28,15 +28,15 @@ Variable = Annotated[str, msgspec.Meta(max_length=1024, pattern=r"\A[^\x00-\x1f\
 """Text that a variable of the environment may hold."""
 
 
-class Flying(msgspec.Struct, frozen=True, kw_only=True):
-    """The flight's first word."""
+class FlightGreeting(msgspec.Struct, frozen=True, kw_only=True):
+    """First message of a flight to a terminal."""
 
     process_id: int
     folder: str
     links: tuple[str, ...]
 
 
-class Wish(msgspec.Struct, frozen=True, kw_only=True):
+class AttachRequest(msgspec.Struct, frozen=True, kw_only=True):
     """Request of a terminal; its pseudo terminal comes along."""
 
     variables: dict[str, Variable]
@@ -45,7 +45,7 @@ class Wish(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Answer(msgspec.Struct, frozen=True, kw_only=True):
-    """Outcome: at once where it is refused, else when the screens have ended."""
+    """Answer to a terminal: at once where it is refused, else when the screens have ended."""
 
     text: str
     refused: bool = False
@@ -67,7 +67,7 @@ def socket_folder() -> Path:
     return folder
 
 
-def connect() -> list[tuple[Flying, socket.socket]]:
+def connect() -> list[tuple[FlightGreeting, socket.socket]]:
     """Every flight of this user that runs, the newest first, each with a connection."""
     flights = []
     with contextlib.suppress(OSError):
@@ -76,7 +76,7 @@ def connect() -> list[tuple[Flying, socket.socket]]:
             connection.settimeout(ANSWER_S)
             try:
                 connection.connect(str(path))
-                flights.append((msgspec.json.decode(connection.recv(MOST_BYTES), type=Flying), connection))
+                flights.append((msgspec.json.decode(connection.recv(MAX_BYTES), type=FlightGreeting), connection))
             except ConnectionRefusedError:  # it was killed
                 connection.close()
                 path.unlink(missing_ok=True)

@@ -1,4 +1,4 @@
-"""The flight's side: a socket on which terminals come, one at a time."""
+"""The flight's side of attaching: a socket to which terminals connect, one at a time."""
 
 from __future__ import annotations
 
@@ -15,28 +15,28 @@ from pathlib import Path
 
 import msgspec
 
-from gcs.cli.attach.place import MOST_BYTES, VARIABLES, Answer, Flying, Wish, socket_folder
+from gcs.cli.attach.place import MAX_BYTES, VARIABLES, Answer, AttachRequest, FlightGreeting, socket_folder
 
 _log = logging.getLogger(__name__)
 
 LOOK_S = 0.2
 HELLO_S = 5.0
-"""A terminal has so long to say what it wants."""
+"""Time in which a terminal has to say what it wants, s."""
 
 
 class LentTerminal:
-    """Another terminal for the screens, until they end."""
+    """Terminal of another process that shows the screens until they end."""
 
-    def __init__(self, connection: socket.socket, fd: int, wish: Wish) -> None:
+    def __init__(self, connection: socket.socket, fd: int, request: AttachRequest) -> None:
         self._connection = connection
         self._fd = fd
-        self._variables = wish.variables
-        self.options = wish.options
+        self._variables = request.variables
+        self.options = request.options
         """Options of the screens."""
 
     @contextlib.contextmanager
     def as_standard_streams(self) -> Iterator[None]:
-        """Textual, and what it asks, find this terminal where they look for the process's own."""
+        """Put this terminal in place of the process's own standard streams, where Textual looks for it."""
         before = {name: os.environ.get(name) for name in VARIABLES}
         streams = (sys.__stdin__, sys.__stdout__, sys.__stderr__)
         with (
@@ -60,7 +60,7 @@ class LentTerminal:
                 os.kill(os.getpid(), signal.SIGWINCH)
 
     def give_back(self, text: str) -> None:
-        """The screens have ended; say why."""
+        """Close the terminal after the screens have ended, and say why."""
         os.close(self._fd)
         _answer(self._connection, Answer(text=text))
 
@@ -68,15 +68,12 @@ class LentTerminal:
 class AttachServer:
     """Waits for terminals; a flight without one goes on all the same.
 
-    Args:
-        folder: the flight's session.
-
     Attributes:
         trouble: why none can come, empty where they can.
     """
 
     def __init__(self, folder: Path, links: Sequence[str]) -> None:
-        self._flying = Flying(process_id=os.getpid(), folder=str(folder.resolve()), links=tuple(links))
+        self._flying = FlightGreeting(process_id=os.getpid(), folder=str(folder.resolve()), links=tuple(links))
         self._lock = threading.Lock()
         self._waiting: LentTerminal | None = None
         self._shown = False
@@ -98,14 +95,14 @@ class AttachServer:
         threading.Thread(target=self._serve, name="attach", daemon=True).start()
 
     def take(self) -> LentTerminal | None:
-        """A terminal that waits for the screens, once."""
+        """Take the terminal that waits for the screens."""
         with self._lock:
             waiting, self._waiting = self._waiting, None
             return waiting
 
     @contextlib.contextmanager
     def showing(self) -> Iterator[None]:
-        """While the screens are up on some terminal."""
+        """Mark the screens as shown on some terminal while the block runs."""
         with self._lock:
             self._shown, self._taken_over = True, False
         try:
@@ -119,7 +116,7 @@ class AttachServer:
         return self._taken_over
 
     def close(self) -> None:
-        """No terminal may come any more."""
+        """Refuse further terminals and remove the socket."""
         self._closing = True
         if (waiting := self.take()) is not None:
             waiting.give_back("the flight has ended")
@@ -142,11 +139,11 @@ class AttachServer:
             if not _is_ours(connection):
                 raise PermissionError("of another user")
             connection.sendall(msgspec.json.encode(self._flying))
-            data, fds, _, _ = socket.recv_fds(connection, MOST_BYTES, 1)
+            data, fds, _, _ = socket.recv_fds(connection, MAX_BYTES, 1)
             if not data and not fds:  # only looked who flies
                 connection.close()
                 return
-            wish = msgspec.json.decode(data, type=Wish)
+            request = msgspec.json.decode(data, type=AttachRequest)
             if len(fds) != 1 or not os.isatty(fds[0]):
                 raise ValueError("no terminal came along")
         except (OSError, ValueError, RecursionError, msgspec.DecodeError) as error:
@@ -156,10 +153,10 @@ class AttachServer:
             connection.close()
             return
         with self._lock:
-            busy = self._waiting is not None or (self._shown and not wish.take_over)
+            busy = self._waiting is not None or (self._shown and not request.take_over)
             if not busy:
                 connection.settimeout(None)
-                self._waiting = lent = LentTerminal(connection, fds[0], wish)
+                self._waiting = lent = LentTerminal(connection, fds[0], request)
                 self._taken_over = self._shown
         if busy:
             os.close(fds[0])

@@ -20,11 +20,11 @@ from gcs.cli.output.console import (
 )
 from gcs.cli.output.progress import Report, progress
 
-MOST_JOBS, MOST_RETRIES = 1024, 100
+MAX_JOBS, MAX_RETRIES = 1024, 100
 LONGEST_S = 30 * 86_400.0
-LEAST_GIB, MOST_GIB = 0.1, 65_536.0
+MIN_GIB, MAX_GIB = 0.1, 65_536.0
 _FINE = 1000
-"""The bar counts flights in so many parts: a long one moves it too."""
+"""The bar counts flights in this many parts: a long one moves it too."""
 
 
 def batch(
@@ -44,13 +44,13 @@ def batch(
     jobs: Annotated[
         int | None,
         typer.Option(
-            "--jobs", "-j", callback=check_range(1, MOST_JOBS), help="Flights worked on at once; default: one per core."
+            "--jobs", "-j", callback=check_range(1, MAX_JOBS), help="Flights worked on at once; default: one per core."
         ),
     ] = None,
     retries: Annotated[
         int,
         typer.Option(
-            callback=check_range(0, MOST_RETRIES), help="Further attempts after a worker died or took too long."
+            callback=check_range(0, MAX_RETRIES), help="Further attempts after a worker died or took too long."
         ),
     ] = 1,
     timeout: Annotated[
@@ -59,7 +59,7 @@ def batch(
     memory: Annotated[
         float | None,
         typer.Option(
-            callback=check_range(LEAST_GIB, MOST_GIB),
+            callback=check_range(MIN_GIB, MAX_GIB),
             help="Memory limit of one worker, GiB; default: its share of the machine.",
         ),
     ] = None,
@@ -97,8 +97,8 @@ def batch(
         )
     seconds = round(time.monotonic() - shown.began_s, 3)
     if as_json:
-        told = {name: getattr(counts, name) for name in ("done", "skipped", "failed", "frames")}
-        print_json({"flights": len(found), **told, "seconds": seconds, "folder": out})
+        figures = {name: getattr(counts, name) for name in ("done", "skipped", "failed", "frames")}
+        print_json({"flights": len(found), **figures, "seconds": seconds, "folder": out})
     else:
         print_lines(
             f"{counts.done} of {len(found)} flights done, {counts.skipped} of them before; {counts.failed} failed; "
@@ -119,7 +119,7 @@ class _Shown:
         self._partial: dict[str, tuple[int, int]] = {}
 
     def result(self, record: Any, skipped: bool) -> None:  # noqa: ANN401 - its class is loaded later
-        """One flight is over."""
+        """Show that one flight is over."""
         self._partial.pop(record.flight, None)
         self._ended += 1
         self._failed += record.status == "failed"

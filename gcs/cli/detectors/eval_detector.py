@@ -31,9 +31,9 @@ if TYPE_CHECKING:
 RESULTS = ("eval.json", "eval.md", "worst.png", "apart.png")
 """Files that are written into the folder of the results."""
 BUNDLED = "bundled"
-"""In place of a file's name, Rollcall's own model."""
+"""Word in place of a file's name for Rollcall's own model."""
 GSD_M = (1e-4, 100.0)
-"""From a close-up to a satellite's, metres on the ground per pixel."""
+"""Bounds of the ground resolution, metres per pixel: from a close-up to a satellite's."""
 
 
 def eval_detector(
@@ -118,11 +118,11 @@ def _apart(
     images: list[LabelledImage], found: list[Detections], theirs: list[Detections], score: float, name: str
 ) -> NDArray[np.uint8]:
     """Boxes that this detector finds and the other does not, and the other way round."""
-    from vision.evaluation.apart_sheet import apart_sheet, odd_ones
+    from vision.evaluation.apart_sheet import apart_sheet, disagreements
 
     truth = [p.truth for p in images]
-    mine, alarms = odd_ones(found, theirs, truth, score)
-    others, their_alarms = odd_ones(theirs, found, truth, score)
+    mine, alarms = disagreements(found, theirs, truth, score)
+    others, their_alarms = disagreements(theirs, found, truth, score)
     kinds = [("found by this alone", mine), (f"found by {name} alone", others)]
     return apart_sheet(
         images, [*kinds, ("false alarms of this alone", alarms), (f"false alarms of {name} alone", their_alarms)]
@@ -204,7 +204,7 @@ def detect_in_all(
 
 
 def _make_folder(out: Path) -> None:
-    """A folder for results; one that holds some is refused."""
+    """Make a folder for results; one that holds some is refused."""
     try:
         out.mkdir(parents=True, exist_ok=True)
     except OSError as error:

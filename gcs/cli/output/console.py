@@ -35,16 +35,16 @@ from vision.errors import VisionError
 BAD_INPUT, NOT_AVAILABLE, NO_NAMES, SOME_FAILED = 2, 3, 4, 6
 
 _OF_THE_NAME = (errno.ENAMETOOLONG, errno.ELOOP)
-_MOST_SHOWN = 200
+_MAX_SHOWN = 200
 FRAME_SIZE = "Size of the frames that detections.csv is about, as 1280x720, where the recording does not know."
 AsJson = Annotated[bool, typer.Option("--json", help="For programs: one JSON object a line.")]
-MOST_PX = 16384
-"""No camera has a longer side."""
+MAX_PX = 16384
+"""Longest side of any camera's picture."""
 LogLevel = Literal["debug", "info", "warning", "error"]
 CONSOLE = "console.log"
-"""In the session folder: output of libraries while the screens are up."""
+"""File in the session folder with the output of libraries while the screens are up."""
 FAR_S = 1e9
-"""Some thirty years: further from its log no video begins."""
+"""Largest distance of a video from its log, some thirty years."""
 
 
 def check_range(least: float, most: float) -> Callable[[typer.CallbackParam, float | None], float | None]:
@@ -76,7 +76,7 @@ def parse_frame_size(text: str | None) -> tuple[int, int] | None:
     if text is None:
         return None
     width, _, height = text.lower().replace("×", "x").partition("x")
-    if not (width.isdecimal() and height.isdecimal() and 0 < int(width) <= MOST_PX and 0 < int(height) <= MOST_PX):
+    if not (width.isdecimal() and height.isdecimal() and 0 < int(width) <= MAX_PX and 0 < int(height) <= MAX_PX):
         raise GcsError(f"--frame-size {text}: is no size of a frame; give it as 1280x720")
     return int(width), int(height)
 
@@ -109,7 +109,7 @@ def _without_nan(value: object) -> object:
 
 
 def print_note(text: str) -> None:
-    """A line beside the result, on stderr."""
+    """Print a line beside the result, on stderr."""
     sys.stderr.write(f"gcs: {conceal(plain(text))}\n")
     sys.stderr.flush()
 
@@ -139,9 +139,6 @@ def start_log(level: LogLevel | None, path: Path | None) -> None:
 
 def check_terminal(instead: str) -> None:
     """See that the terminal can show screens.
-
-    Args:
-        instead: what does without.
 
     Raises:
         GcsError: it says itself that it cannot.
@@ -192,7 +189,7 @@ def errors_as_exit_codes() -> Iterator[None]:
         raise SystemExit(130) from None
     except OSError as error:
         if error.errno in _OF_THE_NAME:
-            print_note(_one_line(f"{str(error.filename)[:_MOST_SHOWN]}: {error.strerror}"))
+            print_note(_one_line(f"{str(error.filename)[:_MAX_SHOWN]}: {error.strerror}"))
             raise SystemExit(BAD_INPUT) from error
         if error.errno not in OF_THE_DISK:
             raise

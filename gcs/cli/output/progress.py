@@ -11,14 +11,14 @@ from collections.abc import Callable, Iterator
 from gcs.cli.output.console import print_note
 
 Report = Callable[[int, int], None]
-"""Given how much is done, and of how much."""
+"""Callback for progress: how much is done, and of how much."""
 
 _BAR_STEPS = 500
 """A bar moves in steps of this share of the work: drawing costs the work nothing."""
 LINE_STEP_PERCENT = 10
-"""A line for each tenth of the work ..."""
+"""Share of the work after which a line is printed, per cent."""
 LINE_PAUSE_S = 5.0
-"""... but none sooner after another, so that short work prints none."""
+"""Least time between two lines, s, so that short work prints none."""
 
 
 @contextlib.contextmanager

@@ -86,7 +86,7 @@ def _fold(analysis: Analysis, reports: FlownReports, record: FlightSummary, stil
     """Fold the recording into record and pictures; returns its names beside the truth, None without one."""
     truth = analysis.opened.session.truth
     with tempfile.TemporaryDirectory(prefix="rollcall-report-") as folder:
-        with IdentityLog(Path(folder)) as log, progress("report") as told:
+        with IdentityLog(Path(folder)) as log, progress("report") as report_progress:
             frame = -1
             for at_us, snapshot in analysis.with_images(analysis.moments(reports.flown)):
                 reports.add(at_us, snapshot.events, snapshot.alarms)
@@ -95,11 +95,11 @@ def _fold(analysis: Analysis, reports: FlownReports, record: FlightSummary, stil
                     frame = snapshot.frame
                     stills.add(snapshot)
                     log.write(snapshot)
-                told(*((each - reports.start_us) // 1_000_000 for each in (at_us, reports.stop_us)))
+                report_progress(*((each - reports.start_us) // 1_000_000 for each in (at_us, reports.stop_us)))
             reports.finish()
         marks = read_marks(analysis.opened.session.path, reports.start_us)
-        record.tell(reports.spans(), (*reports.events(), *marks))
-        record.rollcall.end(analysis.frames, as_flown=analysis.as_flown)
+        record.set_reports(reports.spans(), (*reports.events(), *marks))
+        record.rollcall.set_frame_count(analysis.frames, as_flown=analysis.as_flown)
         if truth is None:
             return None
         try:

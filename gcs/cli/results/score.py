@@ -31,7 +31,7 @@ def score(
 
 
 def print_score(result: Score) -> None:
-    """The figures to read, one a line."""
+    """Print the figures to read, one a line."""
     rows = (
         ("precision", f"{result.precision:.2%}", "right names of names given"),
         ("coverage", f"{result.coverage:.2%}", "our boxes that got a name"),

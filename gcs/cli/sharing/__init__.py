@@ -1,1 +1,1 @@
-"""Flights and replays for others than the operator: programs that are told, browsers that are served."""
+"""Sharing of flights and replays: snapshots published to other programs, screens served to browsers."""

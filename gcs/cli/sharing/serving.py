@@ -19,8 +19,8 @@ from aiohttp import web
 from textual_serve.server import Server
 
 LOOPBACK = "127.0.0.1"
-MOST_BROWSERS = 4
-"""Each has a replay of its own."""
+MAX_BROWSERS = 4
+"""Most browsers at a time: each has a replay of its own."""
 TOKEN_BYTES = 24
 DOWNLOADS = "download"
 """Path under which textual-serve's pages ask for pictures, behind no token: each has a random name of its own, once."""
@@ -50,14 +50,14 @@ class _GuardedServer(Server):
         return f"{self.public_url}/{self._token}/"
 
     async def make_guarded_app(self) -> web.Application:
-        """All of it, below the token."""
+        """Make the application with all pages below the token."""
         app = web.Application(middlewares=[self._guard])
         app.add_subapp(f"/{self._token}/", await self._make_app())
         app.router.add_get(f"/{DOWNLOADS}/{{key}}", self.handle_download)
         return app
 
     async def on_startup(self, app: web.Application) -> None:
-        """Prints nothing."""
+        """Print nothing."""
 
     async def handle_index(self, request: web.Request) -> web.Response:
         """The page: it asks nobody else for a font, and takes keys without a click."""
@@ -67,13 +67,13 @@ class _GuardedServer(Server):
         return page
 
     async def handle_websocket(self, request: web.Request) -> web.WebSocketResponse:
-        """Runs a replay for one browser.
+        """Run a replay for one browser.
 
         Raises:
             HTTPServiceUnavailable: there are enough.
         """
-        if self._browsers >= MOST_BROWSERS:
-            raise web.HTTPServiceUnavailable(text=f"{MOST_BROWSERS} browsers show it already; close one")
+        if self._browsers >= MAX_BROWSERS:
+            raise web.HTTPServiceUnavailable(text=f"{MAX_BROWSERS} browsers show it already; close one")
         self._browsers += 1
         try:
             return await super().handle_websocket(request)
@@ -82,7 +82,7 @@ class _GuardedServer(Server):
 
     @web.middleware
     async def _guard(self, request: web.Request, handler: Handler) -> web.StreamResponse:
-        """Refuses what does not come from its own pages; pages may ask nobody else."""
+        """Refuse what does not come from its own pages; pages may ask nobody else."""
         own = f"{LOOPBACK}:{self.port}"
         wants_screens = request.path.endswith("/ws")
         origin = request.headers.get("Origin", "" if wants_screens else f"http://{own}")
@@ -107,7 +107,7 @@ class _GuardedServer(Server):
 
 
 def serve_screens(command: str, title: str, port: int, show: Callable[[str], None]) -> None:
-    """Serves until Ctrl-C or a signal to end.
+    """Serve until Ctrl-C or a signal to end.
 
     Args:
         title: of the page until the screens are there.

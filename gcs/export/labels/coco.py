@@ -21,7 +21,7 @@ from infra.plain_text import plain
 
 
 class CocoExport:
-    """A box's ``attributes`` say who it is."""
+    """Export to COCO; a box's ``attributes`` say who it is."""
 
     def __init__(self, job: ExportJob) -> None:
         self._name = plain(job.name)

@@ -26,7 +26,8 @@ _ATTRIBUTE: Final = (
 
 
 class CvatExport:
-    """Attributes of a box say who it is; CVAT's label needs attributes of these names to take them in."""
+    """Export to CVAT; attributes of a box say who it is, and CVAT's label needs attributes of these names to take them
+    in."""
 
     def __init__(self, job: ExportJob) -> None:
         self._folder = LabelFolder(job)
@@ -61,7 +62,7 @@ def _box(one: LabelledBox) -> str:
     place = " ".join(f'{key}="{px:.2f}"' for key, px in sides.items())
     rotation = round(math.degrees(box.angle), 2) % 360.0
     turned = f' rotation="{rotation:.2f}"' if rotation else ""
-    told = "".join(
+    attributes = "".join(
         f"<attribute name={quoteattr(key)}>{escape(str(value))}</attribute>" for key, value in one.attributes().items()
     )
-    return f'<box label="{VEHICLE}" source="auto" occluded="0" {place}{turned} z_order="0">{told}</box>\n'
+    return f'<box label="{VEHICLE}" source="auto" occluded="0" {place}{turned} z_order="0">{attributes}</box>\n'

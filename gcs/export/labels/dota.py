@@ -14,7 +14,7 @@ from gcs.snapshot import Snapshot
 
 
 class DotaExport:
-    """An image without vehicles has a label file of the two head lines."""
+    """Export to DOTA; an image without vehicles has a label file of the two head lines."""
 
     def __init__(self, job: ExportJob) -> None:
         self._folder = LabelFolder(job, "train/images")

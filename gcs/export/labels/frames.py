@@ -45,15 +45,15 @@ class LabelledBox:
 
     def attributes(self) -> dict[str, int | float | str]:
         """Name of a box and its certainty; what is unknown is not in it."""
-        told: dict[str, int | float | str] = {}
+        found: dict[str, int | float | str] = {}
         if self.box.track_id:
-            told["track_id"] = self.box.track_id
+            found["track_id"] = self.box.track_id
         if self.box.system_id:
-            told |= {"system_id": self.box.system_id, "name": self.name}
+            found |= {"system_id": self.box.system_id, "name": self.name}
         for key, value in (("confidence", self.box.confidence), ("score", self.box.score)):
             if math.isfinite(value):
-                told[key] = round(value, 4)
-        return told
+                found[key] = round(value, 4)
+        return found
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -73,11 +73,7 @@ class LabelledFrame:
 
 
 class LabelFolder:
-    """Writes the images and what all formats have beside them.
-
-    Args:
-        images: the folder of images in the exported one.
-    """
+    """Writes the images and what all formats have beside them."""
 
     def __init__(self, job: ExportJob, images: str = "images") -> None:
         self._job = job
@@ -119,7 +115,7 @@ class LabelFolder:
 
 
 def _missing(snapshot: Snapshot, least: float) -> str:
-    """Why the boxes of a frame may not be all; empty: there is no reason to think so."""
+    """Return why the boxes of a frame may not be all; empty: there is no reason to think so."""
     if snapshot.held or (not snapshot.seen_us and not snapshot.boxes):
         return "not looked at"
     for box in snapshot.boxes:

@@ -24,7 +24,7 @@ names:
 
 
 class YoloObbExport:
-    """An image without vehicles has an empty label file."""
+    """Export to YOLO-OBB; an image without vehicles has an empty label file."""
 
     def __init__(self, job: ExportJob) -> None:
         self._folder = LabelFolder(job, "images/train")

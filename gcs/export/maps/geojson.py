@@ -20,7 +20,7 @@ from infra.plain_text import plain
 
 
 class GeoJsonExport:
-    """null is unknown; a box of which no place is known has no geometry."""
+    """Export to GeoJSON; null is unknown, and a box of which no place is known has no geometry."""
 
     def __init__(self, job: ExportJob) -> None:
         self._unfinished = Unfinished(job.path)

@@ -60,7 +60,7 @@ _NOWHERE: Final[_Bounds] = (math.inf, math.inf, -math.inf, -math.inf)
 
 
 class GeoPackageExport:
-    """NULL is unknown; a box of which no place is known has no geometry."""
+    """Export to a GeoPackage; NULL is unknown, and a box of which no place is known has no geometry."""
 
     def __init__(self, job: ExportJob) -> None:
         self._path = job.path

@@ -21,10 +21,10 @@ _HEAD: Final = f"""<?xml version="1.0" encoding="UTF-8"?>
 
 
 class GpxExport(WaysExport):
-    """Tracks as GPX; the unknown is left out."""
+    """Export of tracks to GPX; unknown values are left out."""
 
     def lines(self, name: str, owners: Owners) -> Iterator[str]:
-        """The whole file."""
+        """Yield the lines of the file."""
         yield _HEAD
         starts = [way.t_us[0] for _, ways in owners for way in ways]
         time = f"<time>{time_utc(min(starts))}</time>" if starts else ""
@@ -48,8 +48,8 @@ def _track(title: str, ways: list[Way]) -> Iterator[str]:
 def _points(way: Way) -> Iterator[str]:
     columns = (way.t_us, way.lat_deg, way.lon_deg, way.confidence, way.place_std_m)
     for t_us, lat, lon, confidence, std_m in zip(*columns, strict=True):
-        told = _element("confidence", confidence, 4) + _element("place_std_m", std_m, 3)
-        extensions = f"<extensions>{told}</extensions>" if told else ""
+        values = _element("confidence", confidence, 4) + _element("place_std_m", std_m, 3)
+        extensions = f"<extensions>{values}</extensions>" if values else ""
         yield f'<trkpt lat="{lat:.7f}" lon="{lon:.7f}"><time>{time_utc(t_us)}</time>{extensions}</trkpt>\n'
 
 

@@ -13,7 +13,7 @@ from xml.sax.saxutils import escape
 from gcs.export.maps.ways import Owners, Way, WaysExport, time_utc
 
 COLOURS: Final = ("e69f00", "56b4e9", "009e73", "f0e442", "0072b2", "d55e00", "cc79a7")
-"""Told apart by all eyes (Okabe and Ito 2008), red green blue; more vehicles begin anew."""
+"""Colours that everybody can tell apart (Okabe and Ito 2008), red green blue; with more vehicles they start again."""
 STRANGER: Final = "999999"
 _HEAD: Final = """<?xml version="1.0" encoding="UTF-8"?>
 <kml xmlns="http://www.opengis.net/kml/2.2" xmlns:gx="http://www.google.com/kml/ext/2.2">
@@ -27,10 +27,10 @@ _SCHEMA: Final = """<Schema id="seen">
 
 
 class KmlExport(WaysExport):
-    """An empty value is unknown."""
+    """Export to KML; an empty value is unknown."""
 
     def lines(self, name: str, owners: Owners) -> Iterator[str]:
-        """The whole file."""
+        """Yield the lines of the file."""
         yield f"{_HEAD}<name>{escape(name)}</name>\n"
         yield from map(_style_rule, dict.fromkeys(_style(ways[0]) for _, ways in owners))
         yield _SCHEMA
@@ -40,7 +40,7 @@ class KmlExport(WaysExport):
 
 
 def _style(way: Way) -> str:
-    """Its colour; that of a vehicle is the same in all exports."""
+    """Return the style of a vehicle's colour, which is the same in all exports."""
     return COLOURS[(way.system_id - 1) % len(COLOURS)] if way.system_id else STRANGER
 
 

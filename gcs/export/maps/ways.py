@@ -72,7 +72,7 @@ class Way:
 
     @property
     def owner(self) -> tuple[int, int]:
-        """The same of all ways of a vehicle, and of all of a stranger."""
+        """Id that all ways of a vehicle have in common, and all of a stranger."""
         return (self.system_id, 0) if self.system_id else (0, self.number)
 
     @property
@@ -123,7 +123,7 @@ class Ways:
         return bool(seen and same) and abs(box.lon_deg - way.lon_deg[-1]) < 180.0
 
     def __iter__(self) -> Iterator[Way]:
-        """In the order in which they begin."""
+        """Iterate over the ways in the order in which they begin."""
         return iter(self._ways)
 
 
@@ -159,4 +159,4 @@ class WaysExport(ABC):
 
     @abstractmethod
     def lines(self, name: str, owners: Owners) -> Iterator[str]:
-        """The whole file, by the format."""
+        """Yield the lines of the file, by the format."""

@@ -30,12 +30,12 @@ from vision.video.coded_frames import CodedFilm
 
 TIME_BASE = Fraction(1, 90_000)
 CODECS = ("h264", "hevc", "mpeg2video", "mpeg4")
-"""That MPEG-TS carries and others expect there."""
+"""Codecs that MPEG-TS carries and other programs expect there."""
 MISSION, PLATFORM = 3, 10
 
 
 class KlvExport:
-    """Keeps the sets until the end, and copies the film then."""
+    """Export to MPEG-TS with KLV: keeps the sets until the end, and copies the film then."""
 
     def __init__(self, job: ExportJob) -> None:
         self._film = CodedFilm(job.video) if job.video is not None else None

@@ -15,8 +15,8 @@ CHECKSUM: Final = 1
 TIME: Final = 2
 VERSION: Final = 65
 """Tag of the standard's own number."""
-MOST_TEXT: Final = 127
-"""Bytes."""
+MAX_TEXT: Final = 127
+"""Longest text, bytes."""
 _ST_0601: Final = b"\x11"
 
 UNSIGNED: Final[Mapping[int, tuple[int, float, float]]] = {
@@ -63,9 +63,7 @@ def klv_set(t_us: int, values: Mapping[int, float], texts: Mapping[int, str] | N
         texts: of tags of plain text, cut to 127 bytes.
     """
     items = [(TIME, t_us.to_bytes(8, "big"))]
-    items += [
-        (tag, text.encode()[:127].decode(errors="ignore").encode()) for tag, text in (texts or {}).items() if text
-    ]
+    items += [(tag, _text(text)) for tag, text in (texts or {}).items() if text]
     items += [(tag, raw) for tag, value in sorted(values.items()) if (raw := _raw(tag, value)) is not None]
     items.append((VERSION, _ST_0601))
     # the checksum's own tag and length are summed up, too
@@ -95,8 +93,8 @@ def _raw(tag: int, value: float) -> bytes | None:
 
 
 def _text(text: str) -> bytes:
-    """Without half a letter at the end."""
-    return text.encode(errors="replace")[:MOST_TEXT].decode(errors="ignore").encode()
+    """Cut a text without leaving half a character at the end."""
+    return text.encode()[:MAX_TEXT].decode(errors="ignore").encode()
 
 
 def _item(tag: int, raw: bytes) -> bytes:

@@ -28,7 +28,7 @@ IDENTITY_SCHEMA: Final = {
 
 
 class FoxgloveChannels:
-    """All but the video; ``gcs.export.robotics.mcap`` lists them."""
+    """Foxglove channels but those of the video; ``gcs.export.robotics.mcap`` lists them."""
 
     def __init__(self, context: foxglove.Context) -> None:
         self._context = context
@@ -40,7 +40,7 @@ class FoxgloveChannels:
         self._in_scene: frozenset[str] = frozenset()
 
     def write(self, snapshot: Snapshot) -> None:
-        """Sends a frame's boxes, and where vehicles report to be."""
+        """Send a frame's boxes, and where vehicles report to be."""
         t_ns = 1000 * snapshot.t_us
         boxes = [box for box in snapshot.new_boxes if not box.coasting]
         if not snapshot.held:
@@ -58,11 +58,6 @@ class FoxgloveChannels:
                 self._fixes[row.system_id].log(fix, log_time=t_ns)
 
     def write_words(self, at_us: int, t_us: int, level: Level, kind: str, text: str) -> None:
-        """Sends a line of the log.
-
-        Args:
-            at_us: when it happened, Unix µs.
-            kind: as an event's.
-        """
-        told = Log(timestamp=stamp_of(at_us), level=LEVELS[level], name=kind, message=plain(text))
-        self._log.log(told, log_time=1000 * t_us)
+        """Send a line of the log."""
+        message = Log(timestamp=stamp_of(at_us), level=LEVELS[level], name=kind, message=plain(text))
+        self._log.log(message, log_time=1000 * t_us)

@@ -114,7 +114,7 @@ def fix_of(snapshot: Snapshot, row: VehicleRow) -> LocationFix | None:
 
 
 def _id(box: Box) -> str:
-    """The same for a vehicle all through a flight; empty for what no track took."""
+    """Return an id that a vehicle has all through a flight; empty for what no track took."""
     if box.system_id:
         return f"vehicle-{box.system_id}"
     return f"track-{box.known_as}" if box.track_id else ""

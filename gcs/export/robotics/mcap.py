@@ -68,7 +68,7 @@ def pictures_of(path: Path, note: Callable[[str], None]) -> Iterator[tuple[int, 
 
 
 def _why_not(film: CodedFilm) -> str:
-    """Why a film cannot be copied, empty when it can."""
+    """Return why a film cannot be copied, empty when it can."""
     if film.stream.codec_context.name != "h264":
         return f"it is {film.stream.codec_context.name} and not H.264"
     if film.shown_as:
@@ -83,7 +83,7 @@ def _why_not(film: CodedFilm) -> str:
 
 
 def _copied(film: CodedFilm, note: Callable[[str], None]) -> Iterator[tuple[int, bytes]]:
-    """With the parameters of the first key frame at those that have none."""
+    """Return the pictures, with the parameters of the first key frame at those that have none."""
     annex_b = BitStreamFilterContext("h264_mp4toannexb", film.stream)
     parameters, damaged = b"", 0
     for frame in film.frames():
@@ -137,7 +137,8 @@ def _before_picture(data: bytes) -> bytes:
 
 
 class McapExport:
-    """One file; the film's pictures are written as their frames come, all of them also where frames are left out."""
+    """Export to MCAP, one file; the film's pictures are written as their frames come, all of them also where frames are
+    left out."""
 
     def __init__(self, job: ExportJob) -> None:
         self._unfinished = Unfinished(job.path)
@@ -169,7 +170,7 @@ class McapExport:
         self._unfinished.finish()
 
     def _show(self, frame: int) -> None:
-        """The film's pictures up to a frame."""
+        """Write the film's pictures up to a frame."""
         while self._next or self._take():
             index, data = self._next[0]
             if index > frame:

@@ -34,7 +34,7 @@ JPEG_QUALITY: Final = 90
 LAST_US: Final = 1_000_000 * (2**31 - 1)
 """ROS counts seconds in 32 bits."""
 UNKNOWN, APPROXIMATED = 0, 1
-"""Kinds of a covariance."""
+"""Values of ``position_covariance_type``."""
 _VISION: Final = {
     "Point2D": "float64 x\nfloat64 y\n",
     "Pose2D": "vision_msgs/Point2D position\nfloat64 theta\n",
@@ -51,7 +51,7 @@ _VISION: Final = {
 
 
 def typestore() -> Typestore:
-    """Types by name."""
+    """Return the store of message types by name."""
     store = get_typestore(Stores.ROS2_HUMBLE)
     for name, text in _VISION.items():
         store.register(get_types_from_msg(text, f"vision_msgs/msg/{name}"))
@@ -59,7 +59,7 @@ def typestore() -> Typestore:
 
 
 class RosbagExport:
-    """A folder with a database and its description, as ``ros2 bag`` and rosbags read it."""
+    """Export to a ROS 2 bag: a folder with a database and its description, as ``ros2 bag`` and rosbags read it."""
 
     def __init__(self, job: ExportJob) -> None:
         self._unfinished = Unfinished(job.path, "recording")
@@ -87,7 +87,7 @@ class RosbagExport:
             if snapshot.origin is not None and np.isfinite(row.p_enu).all():
                 self._put(f"/vehicles/system_{row.system_id}/fix", t_us, self._fix(snapshot, row))
         for event in snapshot.events:
-            told = self._new(
+            message = self._new(
                 "rcl_interfaces/msg/Log",
                 stamp=self._time(event.t_us),
                 level=LEVELS[event.level],
@@ -97,7 +97,7 @@ class RosbagExport:
                 function="",
                 line=0,
             )
-            self._put("/events", t_us, told)
+            self._put("/events", t_us, message)
 
     def close(self) -> None:
         """Finish the bag and put it into its place."""
@@ -107,7 +107,7 @@ class RosbagExport:
         self._unfinished.finish()
 
     def _show(self, snapshot: Snapshot) -> None:
-        """The picture of the frame, if there is one."""
+        """Write the picture of the frame, if there is one."""
         while self._picture is None or self._picture.index < snapshot.frame:
             self._picture = next(self._pictures, None)
             if self._picture is None:

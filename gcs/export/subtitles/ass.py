@@ -26,7 +26,7 @@ from infra.plain_text import plain
 
 EMPTY_SIZE: Final = (1280, 720)
 SQUARE_PX: Final = 4
-"""Labels are placed in squares of so many pixels."""
+"""Labels are placed in squares of this many pixels."""
 INK: Final = (214, 222, 235)
 _AS_LETTERS: Final = str.maketrans("{}\\", "｛｝＼")
 
@@ -108,7 +108,7 @@ class AssNames:
 
 
 class AssExport:
-    """One line of dialogue for each name of each frame."""
+    """Export to ASS subtitles: one line of dialogue for each name of each frame."""
 
     def __init__(self, job: ExportJob) -> None:
         self._cues = Cues(film_times_us(job))
@@ -179,7 +179,7 @@ def _line(ends: tuple[float, float, float, float], ink: tuple[int, int, int]) ->
 
 
 def _scaled(snapshot: Snapshot, size: tuple[int, int]) -> Snapshot:
-    """With boxes in pixels of the film: the frames of a flight may have had several sizes."""
+    """Return the snapshot with boxes in pixels of the film: the frames of a flight may have had several sizes."""
     if (snapshot.width, snapshot.height) == size or not (snapshot.width and snapshot.height):
         return snapshot
     across, down = size[0] / snapshot.width, size[1] / snapshot.height

@@ -27,7 +27,7 @@ class Cue:
     end_us: int
     """Start of the next frame."""
     snapshot: Snapshot
-    """With those boxes only that were seen in the frame."""
+    """Snapshot of the frame, with the boxes only that were seen in it."""
 
 
 class Cues:
@@ -71,7 +71,7 @@ class Cues:
         self._begun = None if snapshot.held else (at_us, replace(snapshot, boxes=seen))
 
     def _until(self, shown: Snapshot, at_us: int) -> int:
-        """At a time, or earlier where frames between were left out."""
+        """End the cue at a time, or earlier where frames between were left out."""
         start_us = int(self._times_us[shown.frame])
         following_us = int(self._times_us[min(shown.frame + 1, len(self._times_us) - 1)])
         return min(at_us, max(following_us, start_us + HELD_US))

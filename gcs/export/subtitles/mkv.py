@@ -28,7 +28,7 @@ TIME_BASE = Fraction(1, 1000)
 
 
 class MkvExport:
-    """Keeps the lines until the end, and copies the film then."""
+    """Export to MKV with subtitles: keeps the lines until the end, and copies the film then."""
 
     def __init__(self, job: ExportJob) -> None:
         if job.video is None:

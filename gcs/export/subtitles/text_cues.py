@@ -52,7 +52,7 @@ class TextCues(ABC):
 
 
 class SrtExport(TextCues):
-    """One cue a frame in which anything was seen."""
+    """Export to SRT subtitles: one cue a frame in which anything was seen."""
 
     _count = 0
 
@@ -71,7 +71,7 @@ class SrtExport(TextCues):
 
 
 class VttExport(TextCues):
-    """One cue for each box of each frame, above its vehicle."""
+    """Export to WebVTT subtitles: one cue for each box of each frame, above its vehicle."""
 
     header = "WEBVTT\n\n"
 

@@ -36,8 +36,8 @@ class IdentityTable:
         from pyarrow import parquet
 
         types = {name: self._pyarrow.type_for_alias(column.kind) for name, column in COLUMNS.items()}
-        told = {"rollcall.boxes": str(VERSION), **about}
-        self._schema = self._pyarrow.schema(types, metadata=dict(sorted(told.items())))
+        entries = {"rollcall.boxes": str(VERSION), **about}
+        self._schema = self._pyarrow.schema(types, metadata=dict(sorted(entries.items())))
         self._writer = parquet.ParquetWriter(path, self._schema, **writer_settings())
         self._decode = msgspec.json.Decoder(EvidenceRow).decode
         self._rows: list[EvidenceRow] = []
@@ -66,7 +66,7 @@ class IdentityTable:
 
 
 class ParquetExport:
-    """The same table as a batch's, with null for what is unknown.
+    """Export to Parquet: the same table as a batch's, with null for what is unknown.
 
     Raises:
         GcsError: pyarrow is not installed.

@@ -22,11 +22,11 @@ HEADER = {
     "enu_m": "east north up of the box on the ground",
     "datum": "WGS-84 degrees",
 }
-"""First line of ``jsonl``: it describes the file."""
+"""Description of the file, the first line of ``jsonl``."""
 
 
 class CsvExport:
-    """A row of cells for each box of each frame, empty where nothing is known; the last column is the version."""
+    """Export to CSV: a row for each box of each frame, empty where nothing is known; the last column is the version."""
 
     def __init__(self, job: ExportJob) -> None:
         self._unfinished = Unfinished(job.path)
@@ -48,7 +48,7 @@ class CsvExport:
 
 
 class JsonlExport:
-    """A JSON object for each box of each frame, with null for what is unknown."""
+    """Export to JSON lines: an object for each box of each frame, with null for what is unknown."""
 
     def __init__(self, job: ExportJob) -> None:
         self._unfinished = Unfinished(job.path)

@@ -16,11 +16,11 @@ from mavlink.state import CameraReport, UavAttitude, UavState
 from vision.camera.camera import CameraPose, Mount, camera_rotation
 
 MOUNT_DOUBT = np.deg2rad(20.0)
-"""The gimbal may report to look so far from where the mission's mount has the camera: mounts are set up by eye."""
+"""Largest angle between the gimbal's report and the mission's mount of the camera: mounts are set up by eye."""
 TURNED_US = 5_000_000
-"""For a gimbal's reports to come that were asked for when an order turned the camera."""
+"""Time for a gimbal's reports to come that were asked for when an order turned the camera."""
 LOST_US = 3_000_000
-"""Without an attitude of the gimbal for so long, its loss is reported."""
+"""Time without an attitude of the gimbal after which its loss is reported."""
 _LEVEL = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])  # nose north, level: body FRD to ENU
 
 
@@ -34,7 +34,7 @@ class CameraDirection:
         self._turned_us = 0
         """Time at which an order turned the camera: from then on the mission does not know where it looks."""
         self._turn_reported = False
-        self._reported_us, self._lost_told = 0, False
+        self._reported_us, self._lost_reported = 0, False
         """Time at which the gimbal's attitude was known last, and whether its loss was reported."""
 
     @property
@@ -65,12 +65,7 @@ class CameraDirection:
         return CameraPose(R_enu_cam=self.rotation(uav, uav.camera), p_enu=p_enu)
 
     def rotation(self, uav: UavAttitude, report: CameraReport | None) -> NDArray[np.float64]:
-        """The rotation (3, 3) of the camera's pose alone.
-
-        Args:
-            uav: how it hangs in the air.
-            report: what its camera reports.
-        """
+        """The rotation (3, 3) of the camera's pose alone."""
         mount = self._mount
         if self._camera is None and report is not None:
             # an image turned clockwise is that of a camera rolled the other way
@@ -79,12 +74,7 @@ class CameraDirection:
         return camera_rotation(mount, R_enu_body, _gimbal(uav) if self.follows_gimbal else None)
 
     def check(self, t_us: int, uav: UavState) -> Iterator[Event]:
-        """News for the operator about the direction, each once.
-
-        Args:
-            t_us: now.
-            uav: with what its gimbal reports.
-        """
+        """News for the operator about the direction, each once."""
         R_enu_gimbal = _gimbal(uav)
         if self.follows_gimbal and uav.attitude_valid:
             yield from self._check_lost(t_us, R_enu_gimbal is not None)
@@ -101,12 +91,12 @@ class CameraDirection:
     def _check_lost(self, t_us: int, reported: bool) -> Iterator[Event]:
         """Events on a gimbal whose attitude is no longer known, or known again."""
         if reported:
-            if self._lost_told:
+            if self._lost_reported:
                 text = "the gimbal reports again where the camera looks"
                 yield Event(t_us=t_us, level="info", kind="camera", text=text)
-            self._reported_us, self._lost_told = t_us, False
-        elif self._reported_us and t_us - self._reported_us > LOST_US and not self._lost_told:
-            self._lost_told = True
+            self._reported_us, self._lost_reported = t_us, False
+        elif self._reported_us and t_us - self._reported_us > LOST_US and not self._lost_reported:
+            self._lost_reported = True
             text = "the gimbal's attitude is no longer known: the camera is taken to look where the mission says"
             yield Event(t_us=t_us, level="warning", kind="camera", text=text)
 

@@ -1,4 +1,4 @@
-"""A camera that nothing describes, found from the film: looks are collected until the fleet's motion explains them.
+"""A camera that nothing describes, found from the film: frames are collected until the fleet's motion explains them.
 
 Three things may be unknown: the focal length, the direction, or both. What is found is a camera as a mission has it, so
 that it is used, and kept, as one that was described.
@@ -25,22 +25,24 @@ FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
 STEP_US, LOOKS = 400_000, 50
-"""Looks closer together are left out: a vehicle moves by little more than its own error. So many are compared, 20 s."""
-LEAST_LOOKS = 12
-"""A search needs so many, 5 s; and half of them of a track."""
-AGAIN_US, RARER, MOST_AGAIN_US = 1_500_000, 1.15, 30_000_000
-"""A search is made again after so long; as it costs half a second, each that finds nothing makes the next one rarer."""
+"""Least time between frames that are kept, as a vehicle moves by little more than its own error, and their number, 20
+s."""
+MIN_LOOKS = 12
+"""Least number of frames that a search needs, 5 s; and half of them of a track."""
+AGAIN_US, RARER, MAX_AGAIN_US = 1_500_000, 1.15, 30_000_000
+"""Time after which a search is repeated, the factor by which that grows with each that finds nothing, as it costs half
+a second, and its bound."""
 REFINED_AGAIN_US, REFINED_FOR_US = 5_000_000, 60_000_000
-"""A camera that was found is refined every so often, for so long."""
-LEAST_HEIGHT_M = 5.0
-"""Above the ground; lower down nothing is level enough."""
+"""Time after which a camera that was found is refined again, and the time in which that is done."""
+MIN_HEIGHT_M = 5.0
+"""Least height above the ground, m; lower down nothing is level enough."""
 GUESSED_FOR_US = 30_000_000
-"""For so long a direction that nobody told is no reason to doubt that film and telemetry belong together."""
-TOLD_AFTER_US = 10_000_000
-"""Why the camera is not found is told once the search goes on for so long."""
+"""Time for which a direction that nobody stated is no reason to doubt that video and telemetry belong together."""
+REPORT_AFTER_US = 10_000_000
+"""Duration of a search after which it is reported why the camera is not found."""
 CORRECTED_FOCAL, CORRECTED_RAD, CORRECTED_STDS = 0.06, math.radians(4.0), 3.0
 """ln of a focal length, and a pitch, that a longer look must differ by to be used, and by how many σ. Names then
-begin anew."""
+begin again."""
 NAME = "the film"
 """Name of a camera that was found."""
 _WHY_NOT = {
@@ -82,7 +84,7 @@ class CameraFinder:
         self._gimbal = False
         self._first_us = self._searched_us = self._found_us = 0
         self._again_us = float(AGAIN_US)
-        self._told: CameraVerdict | None = None
+        self._reported_verdict: CameraVerdict | None = None
         self._least_std = math.inf
         """1σ of ln φ of ``camera``."""
         self._size, self._focal = (0, 0), math.nan
@@ -133,11 +135,11 @@ class CameraFinder:
             self._gimbal, self._size = gimbal, size
         self._keep(state, boxes, tracks)
         again_us = self._again_us if self._fit is None else REFINED_AGAIN_US
-        if len(self._looks) < LEAST_LOOKS or 0 <= state.t_us - self._searched_us < again_us:
+        if len(self._looks) < MIN_LOOKS or 0 <= state.t_us - self._searched_us < again_us:
             return None, []
         self._searched_us = state.t_us
         film = self._film(ground_z, focal)
-        if float(np.median(film.p_enu[:, 2])) - ground_z < LEAST_HEIGHT_M:
+        if float(np.median(film.p_enu[:, 2])) - ground_z < MIN_HEIGHT_M:
             return None, []
         return self._search(state.t_us, film) if self._fit is None else self._refine(state.t_us, film, self._fit)
 
@@ -183,7 +185,7 @@ class CameraFinder:
         picture = np.full((len(looks), len(ids), 2), np.nan)
         for row, look in enumerate(looks):
             picture[row, np.searchsorted(ids, look.track_id)] = look.picture
-        long = np.count_nonzero(np.isfinite(picture[..., 0]), axis=0) >= LEAST_LOOKS // 2
+        long = np.count_nonzero(np.isfinite(picture[..., 0]), axis=0) >= MIN_LOOKS // 2
         known = all(look.known for look in looks)
         return FilmedFleet(
             t=np.array([(look.t_us - looks[0].t_us) * 1e-6 for look in looks]),
@@ -212,10 +214,10 @@ class CameraFinder:
             self._least_std = found.best.focal_std
             return self.camera, [_event(t_us, "info", f"camera found from the film: {_described(found.best)}")]
         if found.verdict is not CameraVerdict.STANDING:
-            self._again_us = min(RARER * self._again_us, MOST_AGAIN_US)
-        if found.verdict is self._told or t_us - self._first_us < TOLD_AFTER_US:
+            self._again_us = min(RARER * self._again_us, MAX_AGAIN_US)
+        if found.verdict is self._reported_verdict or t_us - self._first_us < REPORT_AFTER_US:
             return None, []
-        self._told = found.verdict
+        self._reported_verdict = found.verdict
         return None, [_event(t_us, "warning", f"nothing describes the camera, and {_WHY_NOT[found.verdict]}")]
 
     def _refine(self, t_us: int, film: FilmedFleet, used: CameraFit) -> tuple[Camera | None, list[Event]]:

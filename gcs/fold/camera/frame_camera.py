@@ -30,15 +30,15 @@ class FrameCamera:
     ground: GroundSurface
     attitude_known: bool
     position_sure: bool
-    """False: the UAV doubts its own position."""
+    """False while the UAV doubts its own position."""
     position_std_m: float = math.nan
     """1σ of its position per axis, level, where that is known to be coarse; else NaN."""
     R_reported: FloatArray | None = None
-    """(3, 3) telemetry's rotation, where that of the pose is another; None: the same."""
+    """(3, 3) rotation by telemetry, where the pose has another; None: the same."""
     of_image_time: bool = False
-    """The rotation is that of the frame's own moment, as its boxes show; else telemetry's, by telemetry's clock."""
+    """True if the boxes gave the rotation at the frame's own moment; else it is telemetry's, by telemetry's clock."""
     usual: IdentifierParams = PRIOR
-    """Has the usual errors of its pose."""
+    """Parameters of the identifier, with the usual errors of the camera's pose."""
 
     @property
     def ground_z(self) -> float:
@@ -69,7 +69,7 @@ class FrameCamera:
 
 
 def identifier_params(mission: Mission) -> IdentifierParams:
-    """Numbers of the identifier for a mission's first camera: of one on a mast the errors are stated."""
+    """Return the identifier's parameters for a mission's first camera: for one on a mast with the stated errors."""
     usual = replace(PRIOR, threshold=mission.identity.threshold)
     if mission.mast is None:
         return usual

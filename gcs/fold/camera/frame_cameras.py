@@ -37,14 +37,14 @@ from vision.track.tracks import Tracks
 if TYPE_CHECKING:
     from gcs.mission.terrain_file import TerrainFile
 
-LEAST_HEIGHT_M = 2.0
-"""Above the ground; lower down nothing is level enough."""
+MIN_HEIGHT_M = 2.0
+"""Least height above the ground, m; lower down nothing is level enough."""
 SPEED_STD, UNKNOWN_SPEED_STD = 0.3, 8.0
 """1σ per axis of the UAV's reported velocity, m/s, and of one that reports none."""
 COARSE_M = 2.5
 """1σ of a position from which on it is none of an ordinary receiver with a view of the sky: rounded, or of few
 satellites."""
-BOX_NOISE, LEAST_NOISE_PX = 0.04, 1.0
+BOX_NOISE, MIN_NOISE_PX = 0.04, 1.0
 """1σ of a box's centre, in box sizes, and at least, px: as the tracker has it."""
 
 
@@ -101,14 +101,8 @@ class FrameCameras:
     ) -> tuple[bool, Sequence[Event]]:
         """Search for the camera, where nothing describes its lens or its direction.
 
-        Args:
-            state: the fleet at a frame.
-            boxes: of the frame.
-            tracks: after them.
-            camera: of the frame, None unknown.
-
         Returns:
-            Whether names have to begin anew, since another camera is used from the next frame on; and what an operator
+            Whether names have to start again, since another camera is used from the next frame on; and what an operator
             should know.
         """
         size = self._optics.size
@@ -169,38 +163,34 @@ class FrameCameras:
         """Step by which the ground rose at once, with the last frame, since a source of its height was left out."""
         return self._heights.step_m
 
-    def hear_film(self, error_m: float, std_m: float) -> None:
+    def compare_with_film(self, error_m: float, std_m: float) -> None:
         """Leave out sources of the ground's height that the film contradicts.
 
         Args:
             error_m: by how much the camera is higher above the ground, as the film shows.
             std_m: 1σ of that.
         """
-        self._heights.hear_film(error_m, std_m)
+        self._heights.compare_with_film(error_m, std_m)
 
     def follow_steps(self, state: FleetState, *, sure: bool) -> tuple[bool, Sequence[Event]]:
         """Take out steps of the UAV's position that the video does not show.
 
-        Args:
-            state: the fleet at a frame.
-            sure: whether the names are.
-
         Returns:
-            Whether names have to begin anew, since the step was not taken out, and what happened.
+            Whether names have to start again, since the step was not taken out, and what happened.
         """
         if not state.uav.position_valid:
             return False, ()
         before = self._steps.shift_enu
-        anew_m = self._steps.update(state.t_us, state.uav.p_enu, state.uav.v_enu, sure=sure)
+        restart_m = self._steps.update(state.t_us, state.uav.p_enu, state.uav.v_enu, sure=sure)
         taken_m = float(np.linalg.norm(self._steps.shift_enu - before))
-        if not (anew_m or taken_m):
+        if not (restart_m or taken_m):
             return False, ()
-        if anew_m:
+        if restart_m:
             self._restart()
-        then = "names begin anew" if anew_m else "the camera goes on from where it was"
-        text = f"the UAV's position stepped by {anew_m or taken_m:.0f} m: {then}"
+        then = "names begin anew" if restart_m else "the camera goes on from where it was"
+        text = f"the UAV's position stepped by {restart_m or taken_m:.0f} m: {then}"
         event = Event(t_us=state.t_us, level="warning", kind="vehicle", text=text, system_id=self._uav_id)
-        return bool(anew_m), (event,)
+        return bool(restart_m), (event,)
 
     def zoomed(self, t_us: int, camera: FrameCamera, detections: Detections) -> FrameCamera:
         """The camera of a frame, zoomed if its boxes show that it was zoomed at once, which nothing reports."""
@@ -250,7 +240,7 @@ class FrameCameras:
         seen = SeenTracks(
             track_id=track_id,
             ray=rays / rays[:, 2:],
-            noise=np.maximum(BOX_NOISE * np.sqrt(boxes.w * boxes.h), LEAST_NOISE_PX) / camera.intrinsics.fx,
+            noise=np.maximum(BOX_NOISE * np.sqrt(boxes.w * boxes.h), MIN_NOISE_PX) / camera.intrinsics.fx,
         )
         R_enu_cam = self._fusion.update(t_us, self._reported, camera.pose.p_enu, camera.ground_z, seen)
         if self._reported.known:
@@ -264,7 +254,7 @@ class FrameCameras:
         """Turn of the camera since the last frame by the pixels, with what telemetry knows of its flight."""
         before, v_enu = self._fusion.rotation(state.t_us), state.uav.v_enu
         height = float(camera.pose.p_enu[2]) - camera.ground_z
-        if before is None or height < LEAST_HEIGHT_M:
+        if before is None or height < MIN_HEIGHT_M:
             return None
         (R_enu_cam, dt), known = before, bool(np.isfinite(v_enu).all())
         # seen by a camera that is turned clockwise by ψ, Rz(−ψ) R, the UAV flies in the direction Rᵀ Rz(ψ) v

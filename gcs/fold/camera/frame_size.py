@@ -34,14 +34,14 @@ STRANGE = 0.3
 BEYOND = 1.02
 """Farthest place of a box's centre, in sizes of a frame: half a vehicle looks in."""
 EVERY_US = 2_000_000
-"""Frames closer to each other are not independent."""
-MOST_LOOKS = 40
+"""Interval of the frames that are compared: closer ones are not independent."""
+MAX_LOOKS = 40
 DESCRIBED = 3.0
-"""For the size that the camera is described for, nats: twenty streams have it for one that has not."""
+"""Prior for the size that the camera is described for, nats: twenty streams have it for one that has not."""
 SURE = 5.0
-"""The best size is taken when it is better than any other by so much, nats: 150 to one."""
+"""Advantage of the best size over any other with which it is taken, nats: 150 to one."""
 ALIKE = 0.03
-"""Sizes that differ by less are one: names do not depend on it."""
+"""Relative difference below which two sizes are one: names do not depend on it."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -58,7 +58,7 @@ class FrameSize:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _SampledFrame:
-    """One frame, in units of the described image's width."""
+    """Boxes and reported places of a frame, in units of the described image's width."""
 
     size: tuple[int, int]
     """Size of the described image, px."""
@@ -135,12 +135,12 @@ def _sampled_frames(
             continue
         last_us, found = t_us, found + 1
         yield _SampledFrame(size=(width, height), boxes=seen.centre / width, places=places)
-        if found == MOST_LOOKS:
+        if found == MAX_LOOKS:
             return
 
 
 def _fit(look: _SampledFrame, scale: float) -> float:
-    """Mean of ln p over the boxes of a frame, for a frame so many times as wide as the described image."""
+    """Mean of ln p over the boxes of a frame, for a frame this many times as wide as the described image."""
     gap = look.boxes[:, None] / scale - look.places[None]
     near = np.exp(-0.5 * (gap**2).sum(axis=2) / STD**2).mean(axis=1) / (2.0 * np.pi * STD**2)
     area = look.size[1] / look.size[0]
@@ -148,5 +148,5 @@ def _fit(look: _SampledFrame, scale: float) -> float:
 
 
 def _strange(look: _SampledFrame, scale: float) -> float:
-    """The same if no box is a vehicle's that reports: they may be anywhere."""
+    """Return the score if no box is a vehicle's that reports: they may be anywhere."""
     return -float(np.log(look.size[1] / look.size[0]) + 2.0 * np.log(scale))

@@ -23,8 +23,8 @@ from vision.errors import CameraError
 _SIZELESS = "nothing can be named: the recording does not have the size of its frames; give --frame-size"
 REPORTED_ZOOM = 0.03
 """Change of the focal length that is reported."""
-TOLD_ZOOM, SETTLED_US = 0.1, 1_500_000
-"""ln of the least zoom found that is told, and how long it must have ended for, µs."""
+REPORT_ZOOM, SETTLED_US = 0.1, 1_500_000
+"""Least ln of a zoom found by the image that is reported, and the time for which it must have ended, µs."""
 
 
 class Optics:
@@ -41,8 +41,9 @@ class Optics:
         self._base = self._camera.intrinsics
         self._size: tuple[int, int] | None = None
         self._first_fov = math.nan
-        self._found, self._told_found, self._found_us, self._known = 1.0, 1.0, 0, math.nan
-        """Magnification that nothing reports, as told last, when it changed, and the one that is reported."""
+        self._found, self._reported_found, self._found_us, self._known = 1.0, 1.0, 0, math.nan
+        """Magnification that nothing reports, the one last announced, the time of its change, and the one that is
+        reported."""
         self._reported_source = ""
         self._reported_focal = math.nan
         self._refused = ""
@@ -88,7 +89,7 @@ class Optics:
         zoom = self._zoom(report)
         if not math.isclose(zoom, self._known, rel_tol=REPORTED_ZOOM):
             # a report takes over
-            self._found, self._told_found, self._known = 1.0, 1.0, zoom
+            self._found, self._reported_found, self._known = 1.0, 1.0, zoom
         self._tell_found(t_us)
         intrinsics = zoomed(described, zoom * self._found)
         self._report_changes(t_us, intrinsics, source)
@@ -101,13 +102,13 @@ class Optics:
         self._reported_focal *= factor
 
     def _tell_found(self, t_us: int) -> None:
-        """An event once a zoom that nothing reports has ended."""
-        if self._found == self._told_found or t_us - self._found_us < SETTLED_US:
+        """Add an event once a zoom that nothing reports has ended."""
+        if self._found == self._reported_found or t_us - self._found_us < SETTLED_US:
             return
-        if abs(math.log(self._found / self._told_found)) > TOLD_ZOOM:
-            times = self._found / self._told_found
+        if abs(math.log(self._found / self._reported_found)) > REPORT_ZOOM:
+            times = self._found / self._reported_found
             self._add(t_us, "warning", f"the camera zoomed {times:.1f} times, which it does not report")
-        self._told_found = self._found
+        self._reported_found = self._found
 
     def _of_mission(self, t_us: int, size: tuple[int, int]) -> Intrinsics | None:
         assert self._base is not None
@@ -136,7 +137,7 @@ class Optics:
         return self._camera.zoom * math.tan(self._first_fov / 2.0) / math.tan(report.hfov / 2.0)
 
     def _report_changes(self, t_us: int, intrinsics: Intrinsics, source: str) -> None:
-        """An event when the camera is another, or has zoomed."""
+        """Add an event when the camera is another, or has zoomed."""
         focal = intrinsics.fx / intrinsics.width
         sees = f"{math.degrees(intrinsics.hfov):.1f}° across {intrinsics.width} px"
         if self._reported_source != source:

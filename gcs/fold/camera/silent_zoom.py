@@ -24,34 +24,34 @@ FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 BoolArray = NDArray[np.bool_]
 
-LEAST_TRACKS = 3
-"""Two vehicles may drive apart while a detector draws their boxes larger."""
+MIN_TRACKS = 3
+"""Least number of tracks: two vehicles may drive apart while a detector draws their boxes larger."""
 USUAL_S = 2.0
 """Time constant with which the usual size of a box follows, s: what the height is off by changes more slowly."""
-LEAST_AGE_S = 0.5
-"""A track is compared once it has been seen for so long, s."""
+MIN_AGE_S = 0.5
+"""A track is compared once it has been seen for this long, s."""
 BEFORE_S = 1.0
-"""Places are compared with those of so long ago, s."""
-LEAST_CHANGE, LEAST_MORE, MORE_S = 0.08, 0.03, 1.0
-"""ln of the least change that counts as a zoom: less is within what boxes vary by, and the height takes it; and for so
-long after a change, s, the least by which it has gone on."""
-LEAST_STDS, LEAST_MORE_STDS = 3.0, 1.5
-"""Either of them counts from so many 1σ of the tracks' median on: boxes of small vehicles vary by more."""
-LEAST_JUMP = 0.2
-"""The same from one frame to the next, where tracks may have been lost by it."""
+"""Places are compared with those of this long ago, s."""
+MIN_CHANGE, MIN_MORE, MORE_S = 0.08, 0.03, 1.0
+"""ln of the least change that counts as a zoom: less is within what boxes vary by, and the height takes it; and for
+this long after a change, s, the least by which it has gone on."""
+MIN_STDS, MIN_MORE_STDS = 3.0, 1.5
+"""Either of them counts from this many 1σ of the tracks' median on: boxes of small vehicles vary by more."""
+MIN_JUMP = 0.2
+"""ln of the least change from one frame to the next that counts, where tracks may have been lost by it."""
 LIKE_MOST, MOST_UNLIKE = 0.75, 0.5
-"""Share of the tracks that must have changed by the common factor, give or take this share of its ln."""
+"""Share of the tracks that must have changed by the common factor, and the share of its ln by which they may differ."""
 ALIKE = 0.03
-"""... and this, which boxes vary by."""
-LEAST_SPREAD = 0.5
+"""Difference in ln, besides that share, by which boxes vary."""
+MIN_SPREAD = 0.5
 """Share of the change that their places must show: some drive towards one another meanwhile."""
 SAME_SIZE = 0.15
 """Difference of the ln of its sizes up to which a box may be the same vehicle's."""
 REACH_M, REACH_MPS = 1.0, 6.0
 """A vehicle is found again within the first distance, plus the second per second."""
 CUT = 0.7
-"""A box whose centre is within so many of its lengths from the border may be cut by it."""
-LEAST_FOUND, MOST_AS_BEFORE = 0.7, 0.3
+"""A box whose centre is within this many of its lengths from the border may be cut by it."""
+MIN_FOUND, MAX_AS_BEFORE = 0.7, 0.3
 """Share of the vehicles that must be found where a jump puts them; and most, against that, that are there without."""
 
 
@@ -74,28 +74,22 @@ class SilentZoom:
         """Variance of the ln of boxes' sizes about the usual one of their track, beyond what they change together."""
 
     def restart(self) -> None:
-        """Take sizes as they are from now on: the camera or its height is known anew."""
+        """Take sizes as they are from now on: the camera or its height is known again."""
         self._usual.clear()
         self._since_us.clear()
         self._looks.clear()
         self._last = None
 
     def jump(self, t_us: int, view: FrameCamera, boxes: Detections) -> float:
-        """Factor by which the image was magnified at once since the last look, before its boxes have tracks; 1 not.
-
-        Args:
-            t_us: when the frame was taken.
-            view: its camera, as known so far.
-            boxes: the ones that count.
-        """
-        if self._last is None or min(len(boxes), len(self._last[0])) < LEAST_TRACKS:
+        """Factor by which the image was magnified at once since the last look, before its boxes have tracks; 1 not."""
+        if self._last is None or min(len(boxes), len(self._last[0])) < MIN_TRACKS:
             return 1.0
         boxes = boxes.select(_whole(view, boxes))
-        if len(boxes) < LEAST_TRACKS or abs(math.log(_median_px(boxes) / self._last_px)) < 0.5 * LEAST_JUMP:
+        if len(boxes) < MIN_TRACKS or abs(math.log(_median_px(boxes) / self._last_px)) < 0.5 * MIN_JUMP:
             return 1.0
         now, before = _measured(view, boxes), self._last
         change = median(now[1].tolist()) - median(before[1].tolist())
-        if abs(change) < LEAST_JUMP:
+        if abs(change) < MIN_JUMP:
             return 1.0
         factor = float(np.exp(change))
         reach_m = REACH_M + REACH_MPS * (t_us - self._t_us) / 1e6
@@ -103,8 +97,8 @@ class SilentZoom:
         found = _found_again(before, jumped, reach_m)
         as_before = np.count_nonzero(_found_again(before, now, reach_m) >= 0)
         again = np.flatnonzero(found >= 0)
-        least = max(LEAST_FOUND * min(len(now[1]), len(before[1])), LEAST_TRACKS)
-        if len(again) < least or as_before > MOST_AS_BEFORE * len(again):
+        least = max(MIN_FOUND * min(len(now[1]), len(before[1])), MIN_TRACKS)
+        if len(again) < least or as_before > MAX_AS_BEFORE * len(again):
             return 1.0
         # how far apart they are tells it better than how large they are
         return factor * float(np.exp(_log_spread(jumped[0][again]) - _log_spread(before[0][found[again]])))
@@ -129,19 +123,19 @@ class SilentZoom:
         names = ids.tolist()
         usual = np.array([self._usual.get(i, s) for i, s in zip(names, sizes.tolist(), strict=True)])
         self._since_us = {i: self._since_us.get(i, t_us) for i in names}
-        old = np.array([t_us - self._since_us[i] >= LEAST_AGE_S * 1e6 for i in names], np.bool_)
+        old = np.array([t_us - self._since_us[i] >= MIN_AGE_S * 1e6 for i in names], np.bool_)
         goes_on = t_us - self._changed_us < MORE_S * 1e6
         off = (sizes - usual)[old]
         change = 0.0
-        if len(off) >= LEAST_TRACKS:
+        if len(off) >= MIN_TRACKS:
             scatter = float(np.sum((off - median(off.tolist())) ** 2)) / (len(off) - 1)
             self._scatter = keep * self._scatter + (1.0 - keep) * scatter if self._scatter else scatter
-            least, stds = (LEAST_MORE, LEAST_MORE_STDS) if goes_on else (LEAST_CHANGE, LEAST_STDS)
+            least, stds = (MIN_MORE, MIN_MORE_STDS) if goes_on else (MIN_CHANGE, MIN_STDS)
             # a median of k has σ √(π/2k)
             least = max(least, stds * math.sqrt(0.5 * math.pi * self._scatter / len(off)))
             change = _common(off, least)
             # those that have grown are further apart, too
-            if change and self._spread(ids, places) * np.sign(change) <= LEAST_SPREAD * abs(change):
+            if change and self._spread(ids, places) * np.sign(change) <= MIN_SPREAD * abs(change):
                 change = 0.0
         if change:
             self._changed_us = t_us
@@ -158,7 +152,7 @@ class SilentZoom:
             return 0.0
         _, before_ids, before = self._looks[0]
         _, now_at, before_at = np.intersect1d(ids, before_ids, return_indices=True)
-        if len(now_at) < LEAST_TRACKS:
+        if len(now_at) < MIN_TRACKS:
             return 0.0
         return _log_spread(places[now_at]) - _log_spread(before[before_at])
 

@@ -12,8 +12,8 @@ FloatArray = NDArray[np.float64]
 HALF_HEIGHT = 0.25
 """Height of a body's middle over √(length · width) of its box: 0.26 for small UGVs, 0.27 for cars."""
 HIGHEST_M = 1.5
-"""No vehicle's middle is higher, whatever its box says."""
-LEAST_SINE = 0.17
+"""Greatest height of a vehicle's middle, whatever its box says."""
+MIN_SINE = 0.17
 """Sine of the depression, 10°, below which a place is so uncertain that nothing is gained."""
 STEEP_SINE = 0.8
 """Sine of the depression, 53°, from which a box is as long as its vehicle: further from the side it is as long as the
@@ -40,7 +40,7 @@ def contact_rays(rays: FloatArray, size_px: FloatArray, view: FrameCamera) -> Fl
     # the middle is at s d with s d_z = h/2 − above; its place is h/2 lower
     down = range_m * (1.0 - half_m / max(above, 1e-9))
     lowered = unit * down[:, None] - half_m[:, None] * view.pose.R_enu_cam[2]
-    return np.where((sine > LEAST_SINE)[:, None], lowered, rays)
+    return np.where((sine > MIN_SINE)[:, None], lowered, rays)
 
 
 def box_lengths(rays: FloatArray, long_px: FloatArray, view: FrameCamera) -> FloatArray:
@@ -91,14 +91,14 @@ def pixels_on_ground(rays: FloatArray, view: FrameCamera) -> FloatArray:
     down = -view.pose.R_enu_cam[2] - sine[:, None] * unit
     nearer = down[:, :2] * unit[:, 2:] - unit[:, :2] * down[:, 2:]
     nearer /= np.maximum(np.hypot(*nearer.T), np.finfo(float).tiny)[:, None]
-    stretch = 1.0 / np.maximum(sine, LEAST_SINE) - 1.0
+    stretch = 1.0 / np.maximum(sine, MIN_SINE) - 1.0
     A = np.eye(2) + (stretch[:, None] * nearer)[:, :, None] * nearer[:, None]
     return np.asarray((_ranges(sine, view) / view.intrinsics.fx)[:, None, None] * A)
 
 
 def _ranges(sine: FloatArray, view: FrameCamera) -> FloatArray:
     """(k,) metres along rays to the ground, by the sines of how far they point below the horizon."""
-    return np.asarray((view.pose.p_enu[2] - view.ground_z) / np.maximum(sine, LEAST_SINE))
+    return np.asarray((view.pose.p_enu[2] - view.ground_z) / np.maximum(sine, MIN_SINE))
 
 
 def _depressions(rays: FloatArray, view: FrameCamera) -> tuple[FloatArray, FloatArray]:

@@ -12,8 +12,8 @@ show how the ground rises where it drives. With a terrain file all heights are a
 
 Where sources disagree, the film decides: the fleet's formation and its motion have the right size for one height alone.
 So it does where altitudes are the only source, which may count from the ellipsoid and the UAV's from the sea. What the
-film contradicts is left out from then on (:meth:`GroundHeight.hear_film`). Altitudes of vehicles that are off all
-together still show the slope.
+film contradicts is left out from then on (:meth:`GroundHeight.compare_with_film`). Altitudes of vehicles that are off
+all together still show the slope.
 """
 
 from __future__ import annotations
@@ -37,17 +37,17 @@ UAV_ALTITUDE_STD_M = 4.0
 SLOPE_STD = 0.03
 """1σ of the slope per axis: what vehicles drive on in formation."""
 RELIEF_SLOPE_STD = 0.005
-"""The same about a terrain file, whose own error is a height that changes over kilometres."""
+"""Equivalent of ``SLOPE_STD`` about a terrain file, whose own error is a height that changes over kilometres."""
 FILE_STD_M = 5.0
 """1σ of a terrain file's height against the UAV's altitude: a map's own error, and another sea level or none."""
 FILE = HeightSource(name="the terrain file", z=0.0, std_m=FILE_STD_M)
 TAKEOFF, FOOT, ALTITUDES, FILM = "the take-off", "the mission's height_m", "the vehicles' altitudes", "the film"
 FILM_STD_M = 2.0
-"""1σ of the ground by the film is never less: focal lengths are off by per cents."""
+"""Least 1σ of the ground by the film: focal lengths are off by per cents."""
 ON_FILE_STD_M = 2.0
 """1σ of the ground, above the relief, by the place of the take-off: a barometer's drift and a file's errors."""
 TAKEOFF_M = 2.0
-"""A UAV no higher than this above its home is where it took off."""
+"""Height above its home, m, up to which a UAV is where it took off."""
 RELIEF_STD_M = 1.0
 """1σ of a sample, a second apart, about the plane: bumps, and the noise of an altitude."""
 RANGE_STD_M, TERRAIN_STD_M = 2.0, 5.0
@@ -59,16 +59,17 @@ HOME_ALONE_STD_M = 6.0
 UNKNOWN_VAR = 1e8
 """Variance of a height that nothing is known of, m²."""
 MEMORY_S = 20.0
-"""Samples count less with age: the ground where the fleet was before is not where it is now."""
+"""Time constant with which samples lose weight: the ground where the fleet was before is not where it is now."""
 LONGEST_SAMPLE_S = 1.0
 """Time that the first sample of a vehicle counts for, and one after a gap."""
 FIND_EVERY_US = 300_000
-"""The plane is fitted no more often: reports come a few times a second."""
+"""Least time between two fits of the plane: reports come a few times a second."""
 SMOOTHING_S = 2.0
-"""The ground follows what is found with this time constant: one vehicle more must not move it by a step."""
+"""Time constant with which the ground follows what is found: one vehicle more must not move it by a step."""
 OUTLIER_M = 15.0
-"""An altitude is left out where it is so far from the median, or ``OUTLIER_STDS`` from the plane of the others."""
-FLYING_M, LEAST_HEIGHT_M = 10.0, 3.0
+"""Distance from the median, metres, at which an altitude is left out; or ``OUTLIER_STDS`` from the plane of the
+others."""
+FLYING_M, MIN_HEIGHT_M = 10.0, 3.0
 """A UAV this far above its home is at least that far above the ground where it is, metres."""
 DATUMS_M = (36.0, -36.0)
 """Offsets of altitudes that nothing else confirms: in most places the geoid is up to 60 m from the ellipsoid.
@@ -77,13 +78,13 @@ GUESS_M, GUESS_STD_M = 50.0, 25.0
 """A UAV's height above the ground where the only altitudes put it into the ground, and 1σ."""
 GUESS = "a guess"
 GAP_LASTS_US = 3_000_000
-"""For so long before it is reported: filters start, and reports come one after the other."""
-TOLD_GAP_M = 10.0
-"""A source is reported again once it differs by so much more or less than when it was last reported."""
+"""Time that a difference lasts before it is reported: filters start, and reports come one after the other."""
+REPORT_GAP_M = 10.0
+"""Change of a source's difference since it was last reported with which it is reported again, m."""
 
 
 class GroundHeight:
-    """Follows the ground from frame to frame."""
+    """Height and slope of the ground below a flight, frame by frame."""
 
     def __init__(self, *, takeoff_known: bool = True, home: str = TAKEOFF) -> None:
         """Args:
@@ -99,23 +100,23 @@ class GroundHeight:
         """Height that was found last, and when; ``ground`` follows it."""
         self._relief: Relief | None = None
         self._bumps = VehicleRelief(0)
-        self._outside_told = False
+        self._outside_reported = False
         self._takeoff_en: FloatArray | None = None
         self._t_us = 0
         self._moments = np.zeros((0, 4, 4))
         """(n, 4, 4) decaying Σ x xᵀ of each vehicle, x = (1, east, north, up)."""
         self._since_us: dict[str, int] = {}
-        """Since when a source differs from what is used."""
-        self._told_m: dict[str, float] = {}
+        """Time since which a source differs from what is used."""
+        self._reported_m: dict[str, float] = {}
         """Amount by which a source differed when that was reported."""
         self._left_out: set[str] = set()
         """Sources that the film contradicts."""
         self._film: tuple[HeightSource, FloatArray] | None = None
         """The ground by the film, and where, once it contradicts all other sources."""
         self._news: list[str] = []
-        """Texts of warnings about them that were not told yet."""
-        self._divided_told = self._jumps = False
-        """True: it was told that the vehicles' altitudes differ; and the next ground is taken at once."""
+        """Texts of warnings about them that were not reported yet."""
+        self._divided_reported = self._jumps = False
+        """True: it was reported that the vehicles' altitudes differ; and the next ground is taken at once."""
 
     def _home_z(self, uav: UavState) -> float:
         """Height of the plane that the UAV took off from, NaN unknown."""
@@ -170,8 +171,8 @@ class GroundHeight:
             if self._leave_out_above(uav):
                 found = find_ground(self._moments, std_m, home_z, uav_enu, measured, relief, self._left_out, self._home)
                 self._found = found
-            if found.divided and not self._divided_told:
-                self._divided_told = True
+            if found.divided and not self._divided_reported:
+                self._divided_reported = True
                 self._news.append(f"{ALTITUDES} contradict each other: they are not used for the height of the ground")
         ground = self._follow(found, dt)
         if len(self._bumps.heights_m) != n or self.step_m:
@@ -219,7 +220,7 @@ class GroundHeight:
             return found
         return _blend(before, found, 1.0 - math.exp(-dt / SMOOTHING_S))
 
-    def hear_film(self, error_m: float, std_m: float) -> None:
+    def compare_with_film(self, error_m: float, std_m: float) -> None:
         """Leave out the sources that the film contradicts; the next ground is taken at once.
 
         Args:
@@ -238,14 +239,14 @@ class GroundHeight:
         uav_z, before = float(uav.p_enu[2]), len(self._left_out)
         if not math.isfinite(self._home_z(uav)):
             sources = self._found.sources if self._found else ()
-            if len(sources) == 1 and sources[0].z > uav_z - LEAST_HEIGHT_M:
+            if len(sources) == 1 and sources[0].z > uav_z - MIN_HEIGHT_M:
                 self._left_out.add(sources[0].name)
                 self._news.append(
                     f"{sources[0].name} put the UAV into the ground: another datum? Their level is not used, "
                     f"{GUESS_M:.0f} m above the ground is guessed until the film tells"
                 )
         elif uav.height_m > FLYING_M:
-            self._leave_out(lambda source: source.z > uav_z - LEAST_HEIGHT_M, uav_z - uav.height_m, self._home)
+            self._leave_out(lambda source: source.z > uav_z - MIN_HEIGHT_M, uav_z - uav.height_m, self._home)
         return len(self._left_out) > before
 
     def _leave_out(self, is_wrong: Callable[[HeightSource], bool], z: float, witness: str) -> None:
@@ -266,9 +267,9 @@ class GroundHeight:
 
     def _outside(self, t_us: int, covered: bool, uav_id: int) -> Sequence[Event]:
         """An event once the fleet is where the terrain file has no heights."""
-        if covered or self._outside_told:
+        if covered or self._outside_reported:
             return ()
-        self._outside_told = True
+        self._outside_reported = True
         text = "the terrain file has no heights where the fleet is: it is not used there"
         return (Event(t_us=t_us, level="warning", kind="camera", text=text, system_id=uav_id),)
 
@@ -281,13 +282,13 @@ class GroundHeight:
                 self._since_us.pop(source.name, None)
                 continue
             lasts_us = t_us - self._since_us.setdefault(source.name, t_us)
-            if lasts_us >= GAP_LASTS_US and abs(gap_m - self._told_m.get(source.name, 0.0)) > TOLD_GAP_M:
-                self._told_m[source.name] = gap_m
+            if lasts_us >= GAP_LASTS_US and abs(gap_m - self._reported_m.get(source.name, 0.0)) > REPORT_GAP_M:
+                self._reported_m[source.name] = gap_m
                 new.append(source)
         if not new:
             return ()
-        said = ", ".join(f"{source.name} {uav_z - source.z:.0f} m" for source in found.sources)
-        text = f"sources of the height above ground disagree: {said}; {uav_z - found.z:.0f} m is used"
+        heights = ", ".join(f"{source.name} {uav_z - source.z:.0f} m" for source in found.sources)
+        text = f"sources of the height above ground disagree: {heights}; {uav_z - found.z:.0f} m is used"
         return (Event(t_us=t_us, level="warning", kind="camera", text=text, system_id=uav_id),)
 
 
@@ -367,18 +368,18 @@ def find_ground(
             sources.append(HeightSource(name=GUESS, z=level, std_m=GUESS_STD_M))
             z, var = level, GUESS_STD_M**2
         if [source.name for source in sources] in ([ALTITUDES], [GUESS]):
-            datums_m = tuple(m for m in DATUMS_M if uav_enu[2] - z + m > LEAST_HEIGHT_M)
+            datums_m = tuple(m for m in DATUMS_M if uav_enu[2] - z + m > MIN_HEIGHT_M)
     elif home not in [*left_out, *(source.name for source in sources)]:
         sources.append(HeightSource(name=home, z=home_z, std_m=float(HOME_STDS_M[0])))
         z, var = _with_home(z, var, home_z)
     rise = float(relief.heights(at[None])[0]) if relief is not None else 0.0
-    said = tuple(replace(source, z=source.z + rise) for source in sources)
+    above_sea = tuple(replace(source, z=source.z + rise) for source in sources)
     return GroundSurface(
         at=at,
         z=z + rise,
         slope=plane[1:],
         std_m=math.sqrt(var),
-        sources=said,
+        sources=above_sea,
         datums_m=datums_m,
         relief=relief,
         divided=divided,

@@ -25,9 +25,9 @@ FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
 GAP_M, OUTLIER_STDS = 8.0, 3.5
-"""Heights that differ by less than the first, metres, or by so many 1σ agree."""
-LEAST_HEIGHT_M = 2.0
-"""A camera is at least so high above what it sees; nearer than that no line of sight is told from another."""
+"""Heights that differ by less than the first, metres, or by this many 1σ agree."""
+MIN_HEIGHT_M = 2.0
+"""Least height of a camera above what it sees, metres; nearer than that no line of sight is told from another."""
 SURE_SHARE = 1.4
 """A detector knows vehicles of one size: heights of a camera that differ by more than this factor are too different."""
 STEPS = 6
@@ -40,7 +40,7 @@ class HeightSource:
 
     name: str
     z: float
-    """At the plane's point, metres."""
+    """Height at the plane's point, metres."""
     std_m: float
 
     def contradicts(self, z: float, std_m: float) -> bool:
@@ -69,7 +69,7 @@ class GroundSurface:
     at: FloatArray
     """(2,) a point on it, east and north, metres."""
     z: float
-    """Its height there, metres."""
+    """Height of the surface there, metres."""
     slope: FloatArray
     """(2,) rise per metre east and north."""
     std_m: float
@@ -96,7 +96,7 @@ class GroundSurface:
     def is_doubtful_below(self, camera_z: float) -> bool:
         """Tell whether the sources leave open how far a camera is above the ground, by more than ``SURE_SHARE``."""
         above = camera_z - self.z
-        heights = np.maximum([above, *(above + lower for lower in self.other_heights_m)], LEAST_HEIGHT_M)
+        heights = np.maximum([above, *(above + lower for lower in self.other_heights_m)], MIN_HEIGHT_M)
         return bool((np.maximum(heights, heights[0]) > SURE_SHARE * np.minimum(heights, heights[0])).any())
 
     def height_at(self, p_enu: FloatArray) -> FloatArray:
@@ -124,7 +124,7 @@ class GroundSurface:
         """
         c_z = camera_enu[..., 2]
         z = self.height_at(p_enu) + self.bumps_under(system_id)
-        share = (c_z - self.z) / np.maximum(c_z - z, LEAST_HEIGHT_M)
+        share = (c_z - self.z) / np.maximum(c_z - z, MIN_HEIGHT_M)
         level = np.empty((len(p_enu), 3))
         level[:, :2] = camera_enu[..., :2] + (p_enu[:, :2] - camera_enu[..., :2]) * share[:, None]
         level[:, 2] = self.z
@@ -136,6 +136,6 @@ class GroundSurface:
         p = level_enu
         for _ in range(STEPS):
             # where the line of sight c + λ (p_0 − c) is as high as the ground at the place found before
-            share = (camera_enu[2] - self.height_at(p)) / np.maximum(-to[:, 2], LEAST_HEIGHT_M)
+            share = (camera_enu[2] - self.height_at(p)) / np.maximum(-to[:, 2], MIN_HEIGHT_M)
             p = camera_enu + to * share[:, None]
         return np.asarray(p)

@@ -20,8 +20,8 @@ MEMORY_S = 20.0
 """Time of the mean, and of the variances."""
 NOISE_LEFT = 0.3
 """Variance of the filter's answer over that of its innovations, for reports five times a second that are noise."""
-LEAST_VAR = 0.15**2
-"""Relief of a decimetre or two, m², is none."""
+MIN_VAR = 0.15**2
+"""Variance of the relief, m², that counts as flat ground: a decimetre or two."""
 
 
 class VehicleRelief:
@@ -38,7 +38,7 @@ class VehicleRelief:
         self._noise_var = self._var = 0.0
 
     def update(self, above_m: FloatArray, dt_s: float) -> None:
-        """One moment.
+        """Take in the altitudes of one moment.
 
         Args:
             above_m: (n,) altitudes above the plane, NaN unknown.
@@ -58,5 +58,5 @@ class VehicleRelief:
         if known.any():
             self._noise_var += (1.0 - memory) * (float(np.mean(innovation[known] ** 2)) - self._noise_var)
             self._var += (1.0 - memory) * (float(np.mean(deviation[known] ** 2)) - self._var)
-        noise = NOISE_LEFT * self._noise_var + LEAST_VAR
+        noise = NOISE_LEFT * self._noise_var + MIN_VAR
         self.heights_m = deviation * max(1.0 - noise / max(self._var, 1e-9), 0.0)

@@ -12,12 +12,13 @@ from infra.clock_steps import usual_steps
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
-_AROUND, _AROUND_US, _MOST_AROUND, _NEAREST = 6, (1_200_000, 3_000_000), 100, 2
-"""Rows on either side that tell how a path goes on: so many, and of that time, but the nearest, which may be late."""
+_AROUND, _AROUND_US, _MAX_AROUND, _NEAREST = 6, (1_200_000, 3_000_000), 100, 2
+"""Rows on either side that tell how a path goes on: at least this many and those of this time, at most this many,
+without the nearest, which may be late."""
 _NEXT, _EASE = 4, 1.1
 """Steps on either side between whose speeds, and a little beyond, those of a vehicle in between are."""
-_LEAST_M, _SIGMAS, _AGREED = 0.1, 5.0, 0.3
-"""A leap moves the path by more than this, than so many times its error, and by what the step tells ± a share."""
+_MIN_M, _SIGMAS, _AGREED = 0.1, 5.0, 0.3
+"""A leap moves the path by more than this, than this many times its error, and by what the step tells ± a share."""
 
 
 def path_leaps(t_us: Ints, path_m: Floats) -> list[tuple[int, int]]:
@@ -35,7 +36,7 @@ def path_leaps(t_us: Ints, path_m: Floats) -> list[tuple[int, int]]:
     with np.errstate(divide="ignore", invalid="ignore"):
         speeds, by_usual = ways / steps, ways / usual_us
     # a short stretch where the vehicle brakes or turns, a longer one where places are coarse
-    widths = [int(np.clip(width_us // max(usual_us, 1.0), _AROUND, _MOST_AROUND)) for width_us in _AROUND_US]
+    widths = [int(np.clip(width_us // max(usual_us, 1.0), _AROUND, _MAX_AROUND)) for width_us in _AROUND_US]
     found = []
     for row in np.flatnonzero(~even & (steps > 0)).tolist():
         near = np.r_[speeds[max(0, row - _NEXT) : row], speeds[row + 1 : row + 1 + _NEXT]]
@@ -49,7 +50,7 @@ def path_leaps(t_us: Ints, path_m: Floats) -> list[tuple[int, int]]:
 
 
 def _goes_on(t_us: Ints, path_m: Floats, row: int, leap_us: int, width: int) -> bool:
-    """Tell whether a path goes on behind a row as if its clock had leapt, by so many rows on either side."""
+    """Tell whether a path goes on behind a row as if its clock had leapt, by this many rows on either side."""
     rows = np.arange(max(0, row + 1 - width), min(len(t_us), row + 1 + width))
     rows = rows[np.abs(rows - row - 0.5) > _NEAREST]
     behind, t_s = rows > row, (t_us[rows] - t_us[row]) * 1e-6
@@ -63,4 +64,4 @@ def _goes_on(t_us: Ints, path_m: Floats, row: int, leap_us: int, width: int) -> 
     moved_m, way_m = fitted[3], fitted[1] * leap_us * 1e-6
     far_m = float(np.linalg.norm(way_m))
     agreed = float(np.linalg.norm(moved_m + way_m)) < _AGREED * far_m
-    return agreed and far_m > max(_LEAST_M, _SIGMAS * float(std_m))
+    return agreed and far_m > max(_MIN_M, _SIGMAS * float(std_m))

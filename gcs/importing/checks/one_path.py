@@ -16,24 +16,24 @@ Ints = NDArray[np.int64]
 
 _BESIDE_M, _CELLS = 2.0, 1.5
 """Least distance of paths that are told apart, and in cells to which coordinates were rounded."""
-_LEAST_MPS2 = 3.0
-"""No ground vehicle is thrown to and fro, or circles, with as much all the time."""
-_MOST_IN_TURN = 8
+_MIN_MPS2 = 3.0
+"""Acceleration with which no ground vehicle is thrown to and fro, or circles, all the time."""
+_MAX_IN_TURN = 8
 _WHOLE = 0.88
 """Share of positions that are not damaged; of eight in turn a quarter is off."""
 _CLEARLY = 0.4
-"""Positions are those of several in turn if each fits its own n-th neighbours so much better than its next ones."""
-_LEAST_LEAPS, _LEAST_SHARE, _ALIKE = 4, 0.03, 0.25
+"""Positions are those of several in turn if each fits its own n-th neighbours this much better than its next ones."""
+_MIN_LEAPS, _MIN_SHARE, _ALIKE = 4, 0.03, 0.25
 """Leaps of one receiver differ; those between two paths follow each other with the same length and direction."""
 _STEPS = 3.0
 """A leap goes back to where it came from, to a share of its length."""
 _FAR_M, _MANY = 15.0, 0.1
 """Leaps that are longer and more than this share of all are those of no path, also where they differ."""
-_LEAST_ROWS = 8
+_MIN_ROWS = 8
 
 
 def several_paths(t_us: Ints, degrees: Floats, where: Where) -> str:
-    """In words, where a path is several that take turns; empty where it is one.
+    """Return sentences on where a path is several that take turns; empty where it is one.
 
     Args:
         t_us: (n,) increasing.
@@ -41,7 +41,7 @@ def several_paths(t_us: Ints, degrees: Floats, where: Where) -> str:
         where: place of a row in the file.
     """
     moved = np.flatnonzero(np.r_[True, (np.diff(degrees, axis=0) != 0.0).any(axis=1)])
-    if len(moved) < _LEAST_ROWS:
+    if len(moved) < _MIN_ROWS:
         return ""
     path_m = metres(degrees)
     cell_m = cell_size_m(degrees, path_m)
@@ -60,9 +60,9 @@ def _take_turns(t_s: Floats, path_m: Floats, far_m: float) -> float:
     off = _off_m(t_s, path_m, 1)
     away_m = _mean(off)
     thrown = 2.0 * off / (np.diff(t_s)[:-1] * np.diff(t_s)[1:])
-    if away_m < far_m or _mean(thrown) < _LEAST_MPS2:
+    if away_m < far_m or _mean(thrown) < _MIN_MPS2:
         return 0.0
-    longest = min(_MOST_IN_TURN, len(t_s) // 3)
+    longest = min(_MAX_IN_TURN, len(t_s) // 3)
     best = min((_mean(_off_m(t_s, path_m, n)) for n in range(2, longest + 1)), default=np.inf)
     return away_m if best < _CLEARLY * away_m else 0.0
 
@@ -88,12 +88,12 @@ def _leaps_alike(t_s: Floats, path_m: Floats, cell_m: float) -> tuple[float, int
     leaps = 0.5 * (to - fro)
     leg = np.minimum(np.linalg.norm(to, axis=1), np.linalg.norm(fro, axis=1))
     thrown = 2.0 * np.linalg.norm(leaps, axis=1) / (np.diff(t_s)[:-1] * np.diff(t_s)[1:])
-    found = (leg > max(_BESIDE_M, _CELLS * cell_m) + _STEPS * np.linalg.norm(to + fro, axis=1)) & (thrown > _LEAST_MPS2)
+    found = (leg > max(_BESIDE_M, _CELLS * cell_m) + _STEPS * np.linalg.norm(to + fro, axis=1)) & (thrown > _MIN_MPS2)
     # what turns round has come the same way, step by step
     came = np.linalg.norm(to[1:] - to[:-1], axis=1) < 0.5 * np.linalg.norm(to[1:], axis=1)
     found &= ~np.r_[False, came]
     leaps, first = leaps[found], int(np.argmax(found)) + 1
-    if len(leaps) < max(_LEAST_LEAPS, _LEAST_SHARE * len(t_s)):
+    if len(leaps) < max(_MIN_LEAPS, _MIN_SHARE * len(t_s)):
         return 0.0, 0
     length_m = float(np.median(np.linalg.norm(leaps, axis=1)))
     before, after = leaps[:-1], leaps[1:]

@@ -22,25 +22,26 @@ _OLD_US, _WEEKS_US = 1_262_304_000_000_000, 1024 * 7 * _DAY_US
 _LAST_US = 253_402_300_799_000_000
 """End of the year 9999, the last that can be written."""
 _FASTEST_MPS, _SLACK_M = 300.0, 200.0
-"""No vehicle of ours is faster; a receiver that corrects itself steps by less than the slack."""
+"""Greatest speed of any vehicle of ours, and the slack within which a receiver that corrects itself steps."""
 _DEG_M = 111_320.0
 _FAR_M, _CLIMB_MPS = 30.0, 40.0
 _FAR_RAD, _TURN_RAD_S, _TURN = 0.5, 2.0, 2.0 * math.pi + 0.01
-"""Heights and headings that are farther off than the first and back faster than the second are damaged."""
-_LEAST = 3
-_MOST_IN_A_ROW = 8
-"""Damaged samples; what is off for longer is where it is."""
+"""Heights, metres and m/s, and headings, radians and rad/s, that are farther off than the first and back faster than
+the second are damaged; and the largest angle that is one."""
+_MIN_ROWS = 3
+_MAX_IN_A_ROW = 8
+"""Most damaged samples in a row; what is off for longer is where it is."""
 _LEG_S, _OFF_MPS, _OFF_SHARE = 5.0, 2.0, 0.3
-"""Over such a time velocities that are off by more than this and that share of the speed are not those of the path."""
+"""Time over which velocities that are off by more than this speed and this share are not those of the path."""
 _ZERO_M, _UNSET_M = 0.5, 5.0
 """Bounds of a 0 that was written before a value was known: within the first of it, and no other value
 is nearer than the second."""
-MOST_M = 20_000.0
-"""No altitude or height is farther from 0."""
+MAX_M = 20_000.0
+"""Greatest altitude or height, up or down."""
 _USUAL_STEPS = 3.0
 """Usual steps, and the way between those before and after, that a sample which stands alone may be off by as well."""
 _HOME_M = 1.0
-"""Heights whose home is off by more than this from that of the others are none."""
+"""Difference of a height's home from that of the others from which on it counts as none, m."""
 
 
 def plausible(log: VehicleLog) -> VehicleLog:
@@ -51,7 +52,7 @@ def plausible(log: VehicleLog) -> VehicleLog:
     lost = int(np.count_nonzero(~reached))
     places, beyond = _within_the_air(log.places.select(reached) if lost else log.places)
     places, heights = _without_spikes(places)
-    places, strange = _moving_as_told(_with_heights(places)) if log.clock != "frame" else (places, 0)
+    places, strange = _moving_as_reported(_with_heights(places)) if log.clock != "frame" else (places, 0)
     words: tuple[str, ...] = ()
     stale = 0
     if log.clock != "frame":
@@ -73,7 +74,8 @@ def plausible(log: VehicleLog) -> VehicleLog:
 
 
 def place_words(places: PlaceTrack, clock: LogClock) -> tuple[tuple[str, ...], Bools]:
-    """In words, steps that no vehicle makes, and which positions (n,) stay while the speed tells that it goes on."""
+    """Return sentences on steps that no vehicle makes, and which positions (n,) stay while the speed tells that it goes
+    on."""
 
     def at(row: int) -> str:
         t_us = int(places.t_us[row])
@@ -94,14 +96,14 @@ def place_words(places: PlaceTrack, clock: LogClock) -> tuple[tuple[str, ...], B
 
 
 def _within_the_air(places: PlaceTrack) -> tuple[PlaceTrack, int]:
-    """Altitudes and heights in another unit are unknown; and how many positions have such."""
-    alt, height = (np.abs(np.nan_to_num(column)) > MOST_M for column in (places.alt_m, places.height_m))
+    """Return positions without altitudes and heights in another unit, and how many had such."""
+    alt, height = (np.abs(np.nan_to_num(column)) > MAX_M for column in (places.alt_m, places.height_m))
     alt_m, height_m = np.where(alt, np.nan, places.alt_m), np.where(height, np.nan, places.height_m)
     return replace(places, alt_m=alt_m, height_m=height_m), int(np.count_nonzero(alt | height))
 
 
 def _of_old(log: VehicleLog) -> tuple[str, ...]:
-    """In words, where a date is older than what is read here: weeks of GPS begin again after 1024 of them."""
+    """Return sentences on where a date is older than what is read here: weeks of GPS begin again after 1024 of them."""
     first_us = log.zero_us if log.clock == "video" else int(log.places.t_us[0]) if len(log.places) else 0
     if log.clock not in ("video", "utc") or not 0 < first_us < _OLD_US:
         return ()
@@ -114,36 +116,38 @@ def _of_old(log: VehicleLog) -> tuple[str, ...]:
 
 
 def _at_sea(places: PlaceTrack) -> tuple[str, ...]:
-    """In words, where a path may be in radians: then it lies in the Gulf of Guinea, where nobody drives."""
+    """Return sentences on where a path may be in radians: then it lies in the Gulf of Guinea, where nobody drives."""
     if not len(places) or np.abs(places.lat_deg).max() > 0.5 * math.pi or np.abs(places.lon_deg).max() > math.pi:
         return ()
     return (f"it lies in the sea at {places.lat_deg[0]:.3f}, {places.lon_deg[0]:.3f}: are these radians?",)
 
 
-def _moving_as_told(places: PlaceTrack) -> tuple[PlaceTrack, int]:
-    """Without velocities in another unit, or of a filter that does not fly; and how many these were."""
+def _moving_as_reported(places: PlaceTrack) -> tuple[PlaceTrack, int]:
+    """Return positions without velocities in another unit, or of a filter that does not fly; and how many these
+    were."""
     known = np.flatnonzero(np.isfinite(places.v_ned[:, :2]).all(axis=1))
     t_s = (places.t_us[known] - places.t_us[0]) * 1e-6 if len(known) else np.empty(0)
     path = np.column_stack([places.lat_deg, places.lon_deg])[known]
     ends = np.searchsorted(t_s, t_s + _LEG_S)
     begins = np.flatnonzero(ends < len(known))
     ends = ends[begins]
-    if len(begins) < _LEAST:
+    if len(begins) < _MIN_ROWS:
         return places, 0
     way = np.zeros((len(known), 2))
     # s = ∫ v dt, by trapezia
     v = places.v_ned[known, :2]
     way[1:] = np.cumsum(0.5 * (v[1:] + v[:-1]) * np.diff(t_s)[:, None], axis=0)
     leg_s = (t_s[ends] - t_s[begins])[:, None]
-    went, told = (((at[ends] - at[begins]) / leg_s) for at in (metres(path), way))
-    off = np.linalg.norm(told - went, axis=1)
+    went, reported = (((at[ends] - at[begins]) / leg_s) for at in (metres(path), way))
+    off = np.linalg.norm(reported - went, axis=1)
     if float(np.median(off - _OFF_SHARE * np.linalg.norm(went, axis=1))) < _OFF_MPS:
         return places, 0
     return replace(places, v_ned=np.full_like(places.v_ned, np.nan)), len(known)
 
 
 def _without_spikes(places: PlaceTrack) -> tuple[PlaceTrack, int]:
-    """Altitudes, heights and headings that nothing moves to and back are unknown; and how many positions have such."""
+    """Return positions without altitudes, heights and headings that nothing moves to and back, and how many had
+    such."""
 
     def known(column: Floats, off: Bools) -> Floats:
         return np.where(off, np.nan, column)
@@ -162,7 +166,7 @@ def _without_spikes(places: PlaceTrack) -> tuple[PlaceTrack, int]:
 
 
 def _still(track: AngleTrack) -> tuple[AngleTrack, int]:
-    """Without attitudes in another unit, or that nothing turns to and back, and how many these are."""
+    """Return a track without attitudes in another unit, or that nothing turns to and back, and how many these are."""
     with np.errstate(invalid="ignore"):
         off = (np.abs(track.angles) > _TURN).any(axis=1)
     off |= alone(track.t_us, _axes(track.angles), _FAR_RAD, _TURN_RAD_S)
@@ -183,7 +187,7 @@ def _on_circle(angle: Floats) -> Floats:
 
 
 def _within_a_day(log: VehicleLog) -> VehicleLog:
-    """Without damaged times, and other flights."""
+    """Return the log without damaged times, and other flights."""
     # of an even number the upper middle one: the mean of two may be near neither
     middle_us = int(log.places.t_us[len(log.places) // 2]) if len(log.places) else 0
 
@@ -207,7 +211,7 @@ def _within_a_day(log: VehicleLog) -> VehicleLog:
 def _reached(places: PlaceTrack) -> Bools:
     """(n,) which positions can be reached from that in the middle of all, over those between."""
     n = len(places)
-    if n < _LEAST:
+    if n < _MIN_ROWS:
         return np.ones(n, np.bool_)
     lat, lon = np.median(places.lat_deg), np.median(places.lon_deg)
     east = (places.lon_deg - lon + 180.0) % 360.0 - 180.0
@@ -228,16 +232,16 @@ def _reached(places: PlaceTrack) -> Bools:
 
 
 def _with_heights(places: PlaceTrack) -> PlaceTrack:
-    """Altitudes and heights of 0 are written before there is a fix or a home: then they are none.
+    """Return positions without altitudes and heights of 0 that were written before there was a fix or a home.
 
-    Beside altitudes heights are so where the others have another home.
+    Beside altitudes a height of 0 counts as such where the other heights have another home.
     """
     alt_m, height_m = _known(places.alt_m), places.height_m
     zero = height_m == 0.0
-    told = np.isfinite(height_m) & np.isfinite(alt_m) & ~zero
-    if not told.any():
+    reported = np.isfinite(height_m) & np.isfinite(alt_m) & ~zero
+    if not reported.any():
         return replace(places, alt_m=alt_m, height_m=_known(height_m))
-    home_m = float(np.median((alt_m - height_m)[told]))
+    home_m = float(np.median((alt_m - height_m)[reported]))
     unset = zero & ~(np.abs(alt_m - home_m) <= _HOME_M)
     # some readers work out heights by altitudes
     unset |= np.isnan(alt_m) & (np.abs(places.alt_m - height_m - home_m) <= _HOME_M)
@@ -245,7 +249,7 @@ def _with_heights(places: PlaceTrack) -> PlaceTrack:
 
 
 def _known(column: Floats) -> Floats:
-    """Without zeros that nothing comes near."""
+    """Return the values without zeros that nothing comes near."""
     zero = np.abs(column) < _ZERO_M
     others = np.abs(column[np.isfinite(column) & ~zero])
     return np.where(zero, np.nan, column) if len(others) and others.min() > _UNSET_M else column
@@ -262,7 +266,7 @@ def alone(t_us: Ints, path: Floats, far: float, fastest: float) -> NDArray[np.bo
     """
     usual = usual_step(path)
     found = np.zeros(len(t_us), np.bool_)
-    for count in range(1, _MOST_IN_A_ROW + 1):
+    for count in range(1, _MAX_IN_A_ROW + 1):
         for k in np.flatnonzero(_out_and_back(t_us, path, far + _USUAL_STEPS * usual, fastest, count)).tolist():
             found[k + 1 : k + 1 + count] = True
     return found

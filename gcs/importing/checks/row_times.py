@@ -27,18 +27,18 @@ NO_ZONE = "times without a zone are UTC; --clock corrects that"
 _NO_PLACE = "positions that are no place"
 _BACK_US = 1_000_000
 _AGREE = 2
-"""Rows of one logger come late alone, if at all."""
+"""Number of rows on each side that must agree on a restart: rows of one logger come late one at a time, if at all."""
 _SECOND_US = 1_000_000
-_LEAST_ROWS = 3
+_MIN_ROWS = 3
 _GAP_US, _GAP_STEPS = 1_000_000, 5
-"""A gap is longer than this, and than so many of the usual steps."""
+"""Least length of a gap, µs and as a multiple of the usual step."""
 _MOST_OF_ALL = 0.9
 _NEAR_M, _STEPS = 2.0, 3.0
-"""A row that comes late is nearer to the path at its time than this and so many usual steps."""
+"""A row that comes late is nearer to the path at its time than this and this many usual steps."""
 _FAR_M, _FASTEST_MPS = 30.0, 40.0
-"""Nothing goes farther than this out of its path and back as fast as that."""
+"""Distance out of its path, and speed of the way back, that nothing exceeds."""
 _YEAR_FIRST = re.compile(r"^(\d{4})[/.](\d{2})[/.](\d{2})", re.ASCII)
-_MOST_TOLD = 3
+_MAX_SHOWN = 3
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -79,7 +79,7 @@ def check_one_clock(t_us: Ints, source: str, where: Where = by_number, *, blocks
     Raises:
         ImportFileError: the times begin again, or all of them are the same.
     """
-    if len(t_us) >= _LEAST_ROWS and np.ptp(t_us) == 0:
+    if len(t_us) >= _MIN_ROWS and np.ptp(t_us) == 0:
         raise ImportFileError(
             f"{source}: all {len(t_us)} positions have the same time, {_words(int(t_us[0]))}: they tell no path"
         )
@@ -123,7 +123,7 @@ def row_times(
         where: their places in the file, for messages.
         blocks: blocks may stand in another order, as long as they do not lie over each other.
         own_us: (n,) by the clock of what moves, where ``t_us`` is when that arrived.
-        shared: what is made of the rows finds out itself that two vehicles have one id: that is told, not refused.
+        shared: what is made of the rows finds out itself that two vehicles have one id: that is reported, not refused.
 
     Raises:
         ImportFileError: the times begin again, or all of them are the same, or several paths take turns.
@@ -132,7 +132,7 @@ def row_times(
     nowhere = {_NO_PLACE: len(t_us) - len(whole)} if len(whole) < len(t_us) else {}
     if not len(whole):
         return RowTimes(rows=whole, t_us=t_us[whole], skipped=nowhere)
-    first = _first_told(t_us[whole], places[whole])
+    first = _first_of_repeated(t_us[whole], places[whole])
     repeated, whole = len(whole) - len(first), whole[first]
     t_us, places = t_us[whole], places[whole]
     check_one_clock(t_us, source, lambda row: where(int(whole[row])), blocks=blocks)
@@ -143,13 +143,13 @@ def row_times(
     times, counts = np.unique(t_us[kept], return_counts=True)
     order = kept[np.argsort(t_us[kept], kind="stable")]
     rows = order[np.cumsum(counts) - counts]
-    said: list[str] = []
+    assumed: list[str] = []
     if len(rows) * 2 <= len(order) and not (times % _SECOND_US).any() and _differ(places[order], t_us[order]):
         many, times, rows = int(np.median(counts)), _spread(times, counts), order
-        said.append(f"times are whole seconds that {many} rows share: spread evenly, ±{0.5 / many:.2f} s")
+        assumed.append(f"times are whole seconds that {many} rows share: spread evenly, ±{0.5 / many:.2f} s")
     else:
         late = int(np.count_nonzero(t_us[kept] < np.maximum.accumulate(t_us[kept])))
-        said += [f"{late} positions stand behind later ones: put in order"] if 0 < late * 2 < len(kept) else []
+        assumed += [f"{late} positions stand behind later ones: put in order"] if 0 < late * 2 < len(kept) else []
 
     def in_file(row: int) -> str:
         return where(int(whole[rows[row]]))
@@ -157,12 +157,12 @@ def row_times(
     several = several_paths(times, places[rows], in_file)
     if several and not shared:
         raise ImportFileError(f"{source}: {several}; give them one by one, or with a column of system ids")
-    said += [several] if several else []
+    assumed += [several] if several else []
     path_m = metres(places[rows])
     out = alone(times, path_m, _FAR_M, _FASTEST_MPS)
     stale = stays(times, places[rows], path_m) & ~out
     if stale.any():
-        said.append(f"{STAYS} from {in_file(int(np.argmax(stale)) - 1)} on")
+        assumed.append(f"{STAYS} from {in_file(int(np.argmax(stale)) - 1)} on")
     there = ~(out | stale)
     left_out = {
         "positions that are there twice": repeated,
@@ -173,11 +173,11 @@ def row_times(
     }
     kept_rows = rows[there]
     moved_us = times[there] if own_us is None else own_us[whole[kept_rows]]
-    said += _leap_words(times[there], moved_us, path_m[there], lambda row: where(int(whole[kept_rows[row]])))
+    assumed += _describe_leaps(times[there], moved_us, path_m[there], lambda row: where(int(whole[kept_rows[row]])))
     return RowTimes(
         rows=whole[kept_rows],
         t_us=times[there],
-        assumed=(*said, *_gap_words(times, in_file)),
+        assumed=(*assumed, *_describe_gaps(times, in_file)),
         skipped={**nowhere, **{reason: count for reason, count in left_out.items() if count}},
     )
 
@@ -234,22 +234,22 @@ def gaps(times: Ints) -> Ints:
     return np.asarray(np.flatnonzero(steps >= max(_GAP_US, _GAP_STEPS * usual_us)), np.int64)
 
 
-def _leap_words(times: Ints, moved_us: Ints, path_m: Floats, where: Where) -> list[str]:
-    """Leaps of the clock of what moves."""
+def _describe_leaps(times: Ints, moved_us: Ints, path_m: Floats, where: Where) -> list[str]:
+    """Describe the leaps of the clock of what moves."""
     longest = gaps(times)
     found = [(row, by_us) for row, by_us in path_leaps(moved_us, path_m) if row not in longest]
-    told = [
+    leaps = [
         f"its clock leaps by {by_us * 1e-6:+.2f} s after {where(row)}: the path goes on as if no time had passed; cut "
         "it there"
-        for row, by_us in found[:_MOST_TOLD]
+        for row, by_us in found[:_MAX_SHOWN]
     ]
-    if len(found) > _MOST_TOLD:
-        return [f"{told[0]}; and so it does {len(found) - 1} times more: times that were cut, or of another clock?"]
-    return told
+    if len(found) > _MAX_SHOWN:
+        return [f"{leaps[0]}; and so it does {len(found) - 1} times more: times that were cut, or of another clock?"]
+    return leaps
 
 
-def _gap_words(times: Ints, where: Where) -> tuple[str, ...]:
-    """The longest gap: in one a vehicle may have stood, or its clock was set."""
+def _describe_gaps(times: Ints, where: Where) -> tuple[str, ...]:
+    """Describe the longest gap: in one a vehicle may have stood, or its clock was set."""
     steps, longest = np.diff(times), gaps(times)
     if not len(longest):
         return ()
@@ -257,8 +257,9 @@ def _gap_words(times: Ints, where: Where) -> tuple[str, ...]:
     return (f"nothing was logged for {steps[row] * 1e-6:.1f} s after {where(row)}",)
 
 
-def _first_told(t_us: Ints, places: Floats) -> Ints:
-    """Rows but those that stand behind later ones and were told before, as where a part of a file is in it twice."""
+def _first_of_repeated(t_us: Ints, places: Floats) -> Ints:
+    """Leave out the rows that stand behind later ones and were there before, as where a part of a file is in it
+    twice."""
     late = t_us < np.maximum.accumulate(t_us)
     if not late.any():
         return np.arange(len(t_us))

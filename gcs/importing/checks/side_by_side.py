@@ -18,33 +18,33 @@ from mavlink.geodesy import separation_m
 Floats = NDArray[np.float64]
 
 _BY_HAND = (".csv", ".tsv", ".txt", ".gpx", ".kml")
-"""Suffixes of files whose columns anybody may change over: other formats have fixed ones, or letters."""
+"""Suffixes of files whose columns anybody may swap: other formats have fixed ones, or letters."""
 _FAR_M, _AWAY_M = 100_000.0, 5_000.0
-"""A UAV that is farther from its fleet than the first is not above it; than the second, it is told."""
+"""A UAV that is farther from its fleet than the first is not above it; than the second, it is reported."""
 _APART_M, _HILL_M = 15.0, 25.0
-"""Altitudes of take-off and fleet, and of one vehicle and the others, that are farther apart are told."""
+"""Altitudes of take-off and fleet, and of one vehicle and the others, that are farther apart are reported."""
 _DEEP_M, _HIGH_M = 120.0, 1_000.0
-"""Nothing flies deeper below its fleet, whichever of them counts from the ellipsoid; higher it is told."""
+"""Nothing flies deeper below its fleet, whichever of them counts from the ellipsoid; higher it is reported."""
 _UNITS = {"feet": 0.3048, "centimetres": 0.01, "millimetres": 0.001, "tenths": 0.1}
 _TURN, _LEVEL = np.radians(2.0 * np.pi + 0.01), np.radians(0.05)
 """Angles in radians that were taken for degrees are smaller than the first, and not all smaller than the second."""
 _MOST_OF_TURN = 0.6
 """Share of a turn that a yaw covers which is asked for its unit without a course."""
-_LEG_S, _LEAST_LEG_M, _LEAST_LEGS = 2.0, 2.0, 10
+_LEG_S, _MIN_LEG_M, _MIN_LEGS = 2.0, 2.0, 10
 """Legs that tell a course."""
 _ALONG, _NEARER = np.radians(35.0), np.radians(10.0)
 """Headings of what drives are along its course, forwards or backwards; they fit better if by more than the second."""
 _AGREED, _SCATTERED = 0.7, 0.5
-"""Lengths of the mean of unit vectors."""
+"""Length of the mean of unit vectors above which directions agree, and below which they are scattered."""
 
 
 def above_fleet(uav: VehicleLog, fleet: GroundVehicles) -> tuple[VehicleLog, tuple[str, ...]]:
     """The log of a UAV that is above its fleet, and what was assumed for that.
 
-    Latitude and longitude are changed over where only that puts it there.
+    Latitude and longitude are swapped where only that puts it there.
 
     Raises:
-        ImportFileError: it is far from the fleet, or it cannot be known in which of both they are to be changed over.
+        ImportFileError: it is far from the fleet, or it cannot be known in which of both they are swapped.
     """
     lat, lon = float(np.median(uav.places.lat_deg)), float(np.median(uav.places.lon_deg))
     away_m = separation_m(lat, lon, *fleet.middle)
@@ -79,7 +79,7 @@ def _sides(place: tuple[float, float], other: tuple[float, float]) -> str:
 
 
 def fleet_words(fleet: GroundVehicles) -> Iterator[str]:
-    """In words, which vehicles are far from the others, above or below them, or do not go where they look.
+    """Return sentences on which vehicles are far from the others, above or below them, or do not go where they look.
 
     Raises:
         ImportFileError: a vehicle's own log is of another place.
@@ -102,10 +102,10 @@ def _beside(whose: str, track: PlaceTrack, others: list[PlaceTrack], *, refuse: 
     )
     away_m = separation_m(lat, lon, *middle)
     if away_m > _AWAY_M:
-        said = f"{whose} is {away_m / 1000.0:.0f} km from the other vehicles{_sides((lat, lon), middle)}"
+        problem = f"{whose} is {away_m / 1000.0:.0f} km from the other vehicles{_sides((lat, lon), middle)}"
         if refuse and away_m > _FAR_M:
-            raise ImportFileError(f"{said}; which of them is right? Correct the other, or leave it out")
-        yield said
+            raise ImportFileError(f"{problem}; which of them is right? Correct the other, or leave it out")
+        yield problem
         return
     known = [median_m(other.alt_m) for other in others if np.isfinite(other.alt_m).any()]
     up_m = median_m(track.alt_m) - (float(np.median(known)) if known else np.nan)
@@ -133,7 +133,7 @@ def _course_words(whose: str, track: PlaceTrack) -> Iterator[str]:
     rows, course = _courses(track)
     headings = track.heading[rows]
     known = np.isfinite(headings)
-    if np.count_nonzero(known) < _LEAST_LEGS:
+    if np.count_nonzero(known) < _MIN_LEGS:
         return
     off, length = _mean_angle(headings[known] - course[known])
     most, askew = float(np.abs(headings[known]).max()), _askew(off) if length > _AGREED else np.pi
@@ -150,7 +150,7 @@ def _course_words(whose: str, track: PlaceTrack) -> Iterator[str]:
 
 
 def _askew(angle: float) -> float:
-    """From the course, forwards or backwards."""
+    """Return the angle from the course, forwards or backwards."""
     return min(abs(angle), np.pi - abs(angle))
 
 
@@ -167,13 +167,13 @@ def _courses(track: PlaceTrack) -> tuple[NDArray[np.int64], Floats]:
     ends = np.searchsorted(t_s, t_s + _LEG_S)
     begins = np.flatnonzero(ends < len(t_s))
     leg = path_m[ends[begins]] - path_m[begins]
-    went = (np.linalg.norm(leg, axis=1) > _LEAST_LEG_M) & (t_s[ends[begins]] - t_s[begins] < 2.0 * _LEG_S)
+    went = (np.linalg.norm(leg, axis=1) > _MIN_LEG_M) & (t_s[ends[begins]] - t_s[begins] < 2.0 * _LEG_S)
     begins, leg = begins[went], leg[went]
     return (begins + ends[begins]) // 2, np.arctan2(leg[:, 1], leg[:, 0])
 
 
 def uav_words(uav: VehicleLog) -> Iterator[str]:
-    """In words, where angles of the UAV look as if they were radians under the name of degrees."""
+    """Return sentences on where angles of the UAV look as if they were radians under the name of degrees."""
     yaw = uav.attitudes.angles[:, 2] if len(uav.attitudes) else uav.places.heading[np.isfinite(uav.places.heading)]
     yaw = (yaw[np.isfinite(yaw)] + np.pi) % (2.0 * np.pi) - np.pi
     if len(yaw) and np.ptp(yaw) > _LEVEL and np.abs(yaw).max() <= _TURN:
@@ -192,7 +192,8 @@ def uav_words(uav: VehicleLog) -> Iterator[str]:
 
 
 def height_words(source: str, places: PlaceTrack, fleet: GroundVehicles) -> Iterator[str]:
-    """In words, what the UAV's altitudes and heights say against those of the fleet, and what is made of them.
+    """Return sentences on what the UAV's altitudes and heights say against those of the fleet, and what is made of
+    them.
 
     Raises:
         ImportFileError: the UAV would be deep below its fleet.
@@ -209,7 +210,7 @@ def height_words(source: str, places: PlaceTrack, fleet: GroundVehicles) -> Iter
         raise ImportFileError(
             f"{source}: the UAV's altitude of {alt_m:.0f} m is {-above_m:.0f} m below the ground vehicles' median of "
             f"{ground_m:.0f} m: one of them is in another unit{unit}; give both in metres"
-            + "".join(f" ({words})" for words in fleet.told)
+            + "".join(f" ({words})" for words in fleet.contradictions)
         )
     if above_m < 0.0 or above_m > _HIGH_M:
         yield (

@@ -15,19 +15,19 @@ Bools = NDArray[np.bool_]
 
 STALE = "positions that stay to the last digit while the vehicle goes on"
 STAYS = "its position stays the same to the last digit, while it goes on,"
-_LEAST_S = 5.0
+_MIN_S = 5.0
 """Positions that are the same to the last digit for a shorter time are taken as they are."""
 _BEHIND_M, _BEHIND_STEPS, _BEHIND_MPS = 3.0, 4.0, 0.5
-"""Leap, metres, usual steps and m/s beyond each of which a vehicle had gone on while its position stayed."""
+"""Least leap by which a vehicle had gone on while its position stayed: metres, usual steps, and m/s."""
 _MOVES_MPS, _CELLS, _STEADY = 1.5, 4.0, 0.08
 """Speed, m/s, and cells of its coordinates in a second above which a vehicle does not stop within a row."""
 _SECOND_S = 1.0
 _GOES_MPS = 1.0
 """Speed that a vehicle tells, m/s, above which it does not stand."""
-_MOST_DECIMALS, _ROUND_DEG = 9, 1e-11
+_MAX_DECIMALS, _ROUND_DEG = 9, 1e-11
 _DEG_M = 111_320.0
 _STEP_M, _STEP_MPS2, _AROUND = 5.0, 5.0, 5
-"""Altitudes step by more than the first, and as if thrown and caught by more than the second, between so many rows."""
+"""Least step of an altitude, its least acceleration, and the rows on either side that are compared."""
 
 
 def stays(t_us: Ints, degrees: Floats, path_m: Floats, speed_mps: Floats | None = None) -> Bools:
@@ -43,15 +43,15 @@ def stays(t_us: Ints, degrees: Floats, path_m: Floats, speed_mps: Floats | None 
     first = np.flatnonzero(np.r_[True, (np.diff(degrees, axis=0) != 0.0).any(axis=1)])
     last = np.r_[first[1:], len(t_us)] - 1
     t_s = (t_us - t_us[0]) * 1e-6
-    long = np.flatnonzero(t_s[last] - t_s[first] >= _LEAST_S)
+    long = np.flatnonzero(t_s[last] - t_s[first] >= _MIN_S)
     if not len(long) or len(first) < 3:
         return found
     usual_m = float(np.median(np.linalg.norm(np.diff(path_m[first], axis=0), axis=1)))
     cell_m = cell_size_m(degrees, path_m)
     for begin, end in zip(first[long].tolist(), last[long].tolist(), strict=True):
         if speed_mps is not None:
-            told = speed_mps[begin : end + 1]
-            speed = float(np.nanmedian(told)) if np.isfinite(told).any() else 0.0
+            reported = speed_mps[begin : end + 1]
+            speed = float(np.nanmedian(reported)) if np.isfinite(reported).any() else 0.0
             # in coarse coordinates a place stays until the next cell
             went_on = speed > _GOES_MPS and speed * float(t_s[end] - t_s[begin]) > _CELLS * cell_m
         else:
@@ -65,7 +65,7 @@ def cell_size_m(degrees: Floats, path_m: Floats) -> float:
 
     Without such, the least step along an axis where most positions repeat the one before.
     """
-    decimals = (k for k in range(_MOST_DECIMALS) if np.abs(np.round(degrees, k) - degrees).max() < _ROUND_DEG)
+    decimals = (k for k in range(_MAX_DECIMALS) if np.abs(np.round(degrees, k) - degrees).max() < _ROUND_DEG)
     found = next(decimals, None)
     if found is not None:
         return _DEG_M * 10.0**-found
@@ -96,7 +96,7 @@ def _was_moving(t_s: Floats, path_m: Floats, begin: int, cell_m: float) -> bool:
 
 
 def altitude_words(t_us: Ints, alt_m: Floats, what: str, where: Where) -> tuple[str, ...]:
-    """In words, where an altitude counts from elsewhere, or in another unit, from one row on.
+    """Return sentences on where an altitude counts from elsewhere, or in another unit, from one row on.
 
     Args:
         t_us: (n,) increasing.

@@ -14,14 +14,16 @@ Ints = NDArray[np.int64]
 
 DATE_IN_UTC = "the date in its subtitles is UTC"
 _SECOND_US = 1_000_000
-_AROUND, _MOST_TOLD = 8, 3
-"""Samples on either side that agree about a step, and how many steps are told."""
+_AROUND, _MAX_SHOWN = 8, 3
+"""Samples on either side that agree about a step, and how many steps are reported."""
 _STEP_US, _SPREAD = 80_000, 4.0
-"""A step is larger than this, and than so many times what one sample differs from the next."""
+"""Least size of a step: this, and this many times the usual difference between two samples."""
 _CUT_SHARE, _CUT_AROUND = 1.2, 3
-"""The same of dates of whole seconds, of which there are few: larger than so many times what samples are apart."""
+"""Dates of whole seconds, of which there are few: least size of a step in intervals of the samples, and samples that
+agree."""
 _RATE, _DRIFT_US = 5e-4, 50_000
-"""Crystals differ by a tenth of this; what drifts by less in all is lateness."""
+"""Least rate and least sum of a drift that is reported: crystals differ by a tenth of the rate, and less in all is
+delay."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -30,8 +32,8 @@ class ClockLead:
 
     longest_us: Ints
     """(k,) of those samples between whose steps it holds longest, µs."""
-    told: tuple[str, ...] = ()
-    """In words, where it steps, and that it grows."""
+    notes: tuple[str, ...] = ()
+    """Sentences on where it steps, and that it grows."""
 
 
 def clock_lead(
@@ -47,9 +49,9 @@ def clock_lead(
         unix_us: (n,) in the order of the file.
         t_us: (n,) beside them.
         cut: dates of whole seconds are cut also where no two samples share one.
-        latest_us: a date may come as late as this: smaller steps are told, and samples count on either side.
+        latest_us: a date may come as late as this: smaller steps are reported, and samples count on either side.
     """
-    within_us, around, late_us, told = 0.0, _AROUND, 0, list[str]()
+    within_us, around, late_us, notes = 0.0, _AROUND, 0, list[str]()
     begins = np.flatnonzero(np.diff(unix_us)) + 1
     # some writers put the same digits behind each second
     shared = len(begins) * 2 < len(unix_us) and not (np.diff(unix_us) % _SECOND_US).any()
@@ -57,7 +59,7 @@ def clock_lead(
         within_us = float(np.median(np.abs(np.diff(t_us)))) if len(begins) else _SECOND_US
         late_us = round(min(_SECOND_US, within_us) / 2)
         around = _CUT_AROUND
-        told.append(f"{what} is cut to whole seconds: ±{late_us * 1e-6:.2f} s")
+        notes.append(f"{what} is cut to whole seconds: ±{late_us * 1e-6:.2f} s")
         unix_us, t_us = (unix_us[begins], t_us[begins]) if len(begins) else (unix_us, t_us)
     ahead_us = unix_us - t_us + late_us
     differ_us = float(np.median(np.abs(np.diff(ahead_us)))) if len(ahead_us) > 1 else 0.0
@@ -67,15 +69,15 @@ def clock_lead(
     set_at = [row for row, by_us in steps if abs(by_us) > latest_us]
     first, last = max(pairwise([0, *set_at, len(ahead_us)]), key=lambda part: part[1] - part[0])
     if steps:
-        where = ", ".join(f"{by_us * 1e-6:+.2f} s at {t_us[row] * 1e-6:.1f} s" for row, by_us in steps[:_MOST_TOLD])
-        told.append(f"{what} steps by {where}: {'what holds longest counts' if set_at else 'it may have come late'}")
+        where = ", ".join(f"{by_us * 1e-6:+.2f} s at {t_us[row] * 1e-6:.1f} s" for row, by_us in steps[:_MAX_SHOWN])
+        notes.append(f"{what} steps by {where}: {'what holds longest counts' if set_at else 'it may have come late'}")
     rate, drift_us = _drift(ahead_us[first:last], t_us[first:last])
     if abs(rate) > _RATE and abs(drift_us) > max(_DRIFT_US, noise_us):
-        told.append(
+        notes.append(
             f"{what} runs {abs(rate):.2%} {'faster' if rate > 0 else 'slower'} than {beside}: they drift apart by "
             f"{abs(drift_us) * 1e-6:.2f} s"
         )
-    return ClockLead(longest_us=ahead_us[first:last], told=tuple(told))
+    return ClockLead(longest_us=ahead_us[first:last], notes=tuple(notes))
 
 
 def _drift(ahead_us: Ints, t_us: Ints) -> tuple[float, float]:
@@ -101,4 +103,4 @@ def film_date(what: str, unix_us: Ints, t_us: Ints, *, cut: bool = False) -> tup
     if not dated.any():
         return 0, ()
     lead = clock_lead(what, "the film's time stamps", unix_us[dated], t_us[dated], cut=cut)
-    return max(0, int(np.quantile(lead.longest_us, 0.5, method="lower"))), lead.told
+    return max(0, int(np.quantile(lead.longest_us, 0.5, method="lower"))), lead.notes

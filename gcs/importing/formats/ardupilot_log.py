@@ -30,7 +30,7 @@ Rows = NDArray[np.void]
 
 _WANTED = ("GPS", "GPA", "POS", "ATT", "MNT", "XKF1", "XKF4", "NKF1", "NKF4", "PARM")
 _GPS_EPOCH_S, _LEAP_S, _WEEK_S = 315_964_800, 18, 604_800
-_MOST_WEEKS = 10_000
+_MAX_WEEKS = 10_000
 """Year 2171."""
 _FIX_3D = 3
 _GAP_US = 2_000_000
@@ -179,13 +179,13 @@ def _zero_us(tables: DataflashTables) -> tuple[int | None, tuple[str, ...]]:
     fixes = _fixes(tables, "GMS", "GWk")
     if fixes is None:
         return None, ()
-    fixes = fixes[(fixes["GWk"] > 0) & (fixes["GWk"] < _MOST_WEEKS) & (fixes["GMS"] <= _WEEK_S * 1000)]
+    fixes = fixes[(fixes["GWk"] > 0) & (fixes["GWk"] < _MAX_WEEKS) & (fixes["GMS"] <= _WEEK_S * 1000)]
     if not len(fixes):
         return None, ()
     unix_us = (_GPS_EPOCH_S - _LEAP_S + fixes["GWk"].astype(np.int64) * _WEEK_S) * 1_000_000
     unix_us = unix_us + fixes["GMS"].astype(np.int64) * 1000
     lead = clock_lead("GPS time", "the log's own clock", unix_us, _times(fixes), latest_us=_LATEST_FIX_US)
-    return int(np.quantile(lead.longest_us, _LATEST, method="nearest")), lead.told
+    return int(np.quantile(lead.longest_us, _LATEST, method="nearest")), lead.notes
 
 
 def _angles(table: Rows | None, names: tuple[str, str, str]) -> AngleTrack:

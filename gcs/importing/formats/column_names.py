@@ -68,13 +68,13 @@ _SCALED = {
 _IN_BRACKETS = re.compile(r"[ _]*[\[(]([^\])]{1,20})[\])]$")
 _AROUND = " \t\r\n\"'\ufeff"
 _HIGHEST_M = 20_000.0
-_LEAST_E7 = 1e5
+_MIN_E7 = 1e5
 """Coordinates in 1e-7 degrees; smaller ones would be on the equator."""
 _TURN_DEG, _TURN_RAD = 360.5, 2.0 * math.pi + 0.01
-_MOST = 0.9
+_BULK_SHARE = 0.9
 """Share of numbers that are no larger: a few may be damaged, or say that nothing is known."""
 _LEVEL_RAD = 0.05
-"""Angles that are all smaller are so little that the unit does not matter."""
+"""Bound below which all angles are too small for their unit to matter."""
 _UNNAMED = {
     ("roll", "pitch", "yaw", "heading"): 0.6,
     ("gimbal_roll", "gimbal_pitch", "gimbal_yaw"): 0.5 * math.pi + 0.01,
@@ -124,15 +124,15 @@ def in_our_units(
         found["height_m"] = found.pop("alt_m")
         assumed.append(_BY_LITCHI)
 
-    def scaled(of: tuple[str, ...], least: float, factor: float, said: str, share: float = _MOST) -> bool:
+    def scaled(of: tuple[str, ...], least: float, factor: float, meaning: str, share: float = _BULK_SHARE) -> bool:
         there = [name for name in of if name in found and np.isfinite(found[name]).any()]
         large = any(_most(found[name], share) > least for name in there)
         if large:
             found.update({name: found[name] * factor for name in there})
-            assumed.append(f"{', '.join(there)} are {said} by their size")
+            assumed.append(f"{', '.join(there)} are {meaning} by their size")
         return large
 
-    if scaled(("lat", "lon"), _LEAST_E7, 1e-7, "degrees × 1e7"):
+    if scaled(("lat", "lon"), _MIN_E7, 1e-7, "degrees × 1e7"):
         # so MAVLink has them
         scaled(("alt_m", "height_m"), _HIGHEST_M, 1e-3, "millimetres")
     _check_named(found, cells, where)
@@ -159,8 +159,8 @@ def _check_named(found: dict[str, Floats], cells: Sequence[str], where: str) -> 
                 f"{where}: {_shown(cell)} goes up to {most / factor:.4g}: no radians within a turn; are they …_deg?"
             )
         if ours in ("alt_m", "height_m") and most > _HIGHEST_M:
-            told = f"{_shown(cell)} goes up to {most / factor:.0f}, which is {most / 1000.0:.0f} km"
-            raise ImportFileError(f"{where}: {told}: tell the unit in its name, as …_m, …_cm, …_mm or …_ft")
+            reason = f"{_shown(cell)} goes up to {most / factor:.0f}, which is {most / 1000.0:.0f} km"
+            raise ImportFileError(f"{where}: {reason}: tell the unit in its name, as …_m, …_cm, …_mm or …_ft")
 
 
 def _check_unnamed(found: dict[str, Floats], names: set[str], where: str) -> None:
@@ -180,7 +180,7 @@ def _check_unnamed(found: dict[str, Floats], names: set[str], where: str) -> Non
             )
 
 
-def _most(column: Floats, share: float = _MOST) -> float:
+def _most(column: Floats, share: float = _BULK_SHARE) -> float:
     """Size that a share of the numbers stays below, 0 of none."""
     known = np.abs(column[np.isfinite(column)])
     return float(np.quantile(known, share)) if len(known) else 0.0

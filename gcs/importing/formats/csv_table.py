@@ -40,7 +40,8 @@ from gcs.importing.vehicle_log import (
 from infra.plain_text import plain
 from infra.text_numbers import number_or_nan
 
-_UNIX_NAMES = ("time", "time_s", "time_ms", "time_us", "time_ns")
+Floats = NDArray[np.float64]
+
 TIMES = ("time_us", "time_ms", "time_ns", "time_s", "time", "elapsed_s", "frame")
 """Columns of times, best first."""
 _UNITS = (("s", 1e6), ("ms", 1e3), ("µs", 1.0), ("ns", 1e-3))
@@ -48,6 +49,18 @@ _UNIX_FROM_US, _UNIX_TO_US = 1e14, 4.1e15
 """Unix times of 1973 to 2099; smaller numbers count from another moment."""
 _LONGEST_STEP_S = 60.0
 """Longest interval between two rows of a table that tells a path."""
+_GIVE = (
+    "time since a start does not tell when that was: "
+    "give Unix time, ISO 8601, or elapsed_s since the film's first frame"
+)
+_LATEST_US = 4_102_444_800_000_000  # the year 2100
+_MAX_ROWS = 2_000_000
+_MAX_SHOWN = 200
+_AROUND = " \t\r\n\"'"
+_MAX_NAMED, _MAX_NAME = 8, 40
+_NO_NUMBER = "cells that are no numbers"
+_UNKNOWN = ("", "nan", "null", "none", "n/a", "na", "-", "--")
+"""Words in a cell where nothing is known."""
 
 
 def unix_us(name: str, times: Floats, *, dated: bool, where: str) -> tuple[Floats, LogClock, tuple[str, ...]]:
@@ -84,12 +97,6 @@ def unix_us(name: str, times: Floats, *, dated: bool, where: str) -> tuple[Float
     return times * us, "own", ()
 
 
-_GIVE = (
-    "time since a start does not tell when that was: "
-    "give Unix time, ISO 8601, or elapsed_s since the film's first frame"
-)
-
-
 def _check_steps(times: Floats, us: float, unit: str, where: str, give: str = _GIVE) -> None:
     """See that rows follow each other as those of a path.
 
@@ -100,18 +107,6 @@ def _check_steps(times: Floats, us: float, unit: str, where: str, give: str = _G
     steps = steps[steps > 0.0]
     if len(steps) and float(np.median(steps)) * us * 1e-6 > _LONGEST_STEP_S:
         raise ImportFileError(f"{where}: cannot be {unit}, since rows are {np.median(steps):.6g} apart; {give}")
-
-
-Floats = NDArray[np.float64]
-
-_LATEST_US = 4_102_444_800_000_000  # the year 2100
-_MOST_ROWS = 2_000_000
-_MOST_SHOWN = 200
-_AROUND = " \t\r\n\"'"
-_MOST_NAMED, _MOST_NAME = 8, 40
-_NO_NUMBER = "cells that are no numbers"
-_UNKNOWN = ("", "nan", "null", "none", "n/a", "na", "-", "--")
-"""Words in a cell where nothing is known."""
 
 
 def read_csv(path: Path) -> list[VehicleLog]:
@@ -131,13 +126,13 @@ def read_csv(path: Path) -> list[VehicleLog]:
         table.read(lines)
     by_name, assumed = in_our_units(table.columns(), cells, f"{path}")
     where = f"{path}: column {cells[table.names.index(table.time)].strip(_AROUND)}"
-    times, clock, said = unix_us(table.time, by_name[table.time], dated=table.dated, where=where)
+    times, clock, time_notes = unix_us(table.time, by_name[table.time], dated=table.dated, where=where)
     t_us = np.rint(np.clip(times, -1.0, _LATEST_US))
-    assumed += said + ((NO_ZONE,) if table.zoneless else ())
-    titles = zip((plain(cell.strip(_AROUND))[:_MOST_NAME] for cell in cells), table.names, strict=True)
+    assumed += time_notes + ((NO_ZONE,) if table.zoneless else ())
+    titles = zip((plain(cell.strip(_AROUND))[:_MAX_NAME] for cell in cells), table.names, strict=True)
     unread = [title for title, name in titles if title and name not in KNOWN]
-    more = f" and {len(unread) - _MOST_NAMED} more" if len(unread) > _MOST_NAMED else ""
-    found = (f"columns left alone: {', '.join(unread[:_MOST_NAMED])}{more}",) if unread else ()
+    more = f" and {len(unread) - _MAX_NAMED} more" if len(unread) > _MAX_NAMED else ""
+    found = (f"columns left alone: {', '.join(unread[:_MAX_NAMED])}{more}",) if unread else ()
     notes = ImportNotes(found=found, assumed=assumed, skipped=table.skipped)
     return _vehicles(path, by_name, t_us, clock, notes, np.array(table.lines, np.int64))
 
@@ -173,8 +168,8 @@ def _vehicles(
         ordered = row_times(t_us[mine].astype(np.int64), at, whose, numbered("line", lines[mine]))
         part = {name: column[mine[ordered.rows]] for name, column in columns.items()}
         left_out = dict(+(skipped + Counter(ordered.skipped)))
-        told = replace(notes, assumed=(*assumed, *ordered.assumed), skipped=left_out)
-        logs.append(_log(path, int(system_id), ordered.t_us, clock, part, told))
+        log_notes = replace(notes, assumed=(*assumed, *ordered.assumed), skipped=left_out)
+        logs.append(_log(path, int(system_id), ordered.t_us, clock, part, log_notes))
     if not logs:
         why = f"system ids are 1 to 255, not {owner[good][0]:g}" if good.any() else "its times are none of 1970 to 2099"
         raise ImportFileError(f"{path}: no row in it that can be used: {why}")
@@ -207,7 +202,7 @@ class _TextTable:
             raise ImportFileError(f"{path}: no column of times; the first line must name one of {wanted}")
         missing = [name for name in ("lat", "lon") if name not in self.names]
         if missing:
-            seen = ", ".join(self.names[:8])[:_MOST_SHOWN]
+            seen = ", ".join(self.names[:8])[:_MAX_SHOWN]
             raise ImportFileError(
                 f"{path}: column {missing[0]} is missing; the first line must name the columns, it has {seen}"
             )
@@ -251,8 +246,8 @@ class _TextTable:
         for number, line in lines:
             if not line.strip():
                 continue
-            if len(self.lines) >= _MOST_ROWS:
-                raise ImportFileError(f"{self._path}: more than {_MOST_ROWS} rows; cut it where the flight ends")
+            if len(self.lines) >= _MAX_ROWS:
+                raise ImportFileError(f"{self._path}: more than {_MAX_ROWS} rows; cut it where the flight ends")
             cells = [cell.strip(_AROUND) for cell in _cells(line, self._between)]
             if any(cells[width:]):
                 self.skipped["rows of more cells than there are columns"] += 1

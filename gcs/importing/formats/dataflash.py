@@ -37,10 +37,10 @@ _SCALES = {"c": 0.01, "C": 0.01, "e": 0.01, "E": 0.01, "L": 1e-7}
 _WHOLE = frozenset(("TimeUS", "GMS", "GWk", "Status", "I", "C", "PI"))
 """Columns of whole numbers; all others but names are numbers of any kind. What is of another kind is not there."""
 _NAMES = frozenset(("Name",))
-_MOST_RECORDS = 2_000_000
+_MAX_RECORDS = 2_000_000
 """Maximum records of one type: eleven hours at 50 a second."""
 _BEYOND = "records beyond what is kept"
-_MOST_COLUMNS = 64
+_MAX_COLUMNS = 64
 _LARGEST = float(1 << 62)
 _NEAR, _FAR = 256, 1 << 20
 """Bytes that are searched at once, little by little more."""
@@ -68,7 +68,7 @@ class DataflashTables:
 
     tables: dict[str, NDArray[np.void]]
     what: str
-    """In words, what was read."""
+    """Description of what was read."""
     left_out: dict[str, int]
     """Counts of what belongs to no record, and of records beyond what is kept of a type, by reason."""
 
@@ -122,7 +122,7 @@ def _binary_tables(path: Path, data: mmap.mmap, wanted: Collection[str]) -> Data
             _add_layout(layouts, data[at + 3 : at + length])
         elif layouts[kind].name in wanted:
             kept = starts.setdefault(kind, array("Q"))
-            if len(kept) < _MOST_RECORDS:
+            if len(kept) < _MAX_RECORDS:
                 kept.append(at)
             else:
                 beyond += 1
@@ -192,9 +192,9 @@ def _text_tables(path: Path, wanted: Collection[str]) -> DataflashTables:
         if kind == "FMT":
             name, columns = ("", []) if len(cells) < 5 else (cells[2], cells[4:])
             begun += [line_number] if name == "FMT" else []
-            if all(columns) and len(set(columns)) == len(columns) <= _MOST_COLUMNS:
+            if all(columns) and len(set(columns)) == len(columns) <= _MAX_COLUMNS:
                 rows.setdefault(_TYPES_BEFORE_2015.get(name, name), _TextRows(name, columns))
-        elif kind in rows and len(rows[kind].lines) >= _MOST_RECORDS:
+        elif kind in rows and len(rows[kind].lines) >= _MAX_RECORDS:
             beyond += 1
         else:
             damaged += kind not in rows or not rows[kind].take(cells, line_number)

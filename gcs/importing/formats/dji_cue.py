@@ -57,7 +57,7 @@ class DjiCue:
     zoom: float = 1.0
     """Digital."""
     unix_us: int = 0
-    """Its date taken as UTC, 0 without one."""
+    """Date of the cue taken as UTC, 0 without one."""
 
 
 def read_cue(text: str) -> DjiCue | None:

@@ -38,10 +38,6 @@ _LARGEST_STD_M = 10_000.0
 def log_of_cues(source: str, cues: Iterable[SubtitleCue]) -> VehicleLog:
     """The UAV's log.
 
-    Args:
-        source: the file's name, for messages.
-        cues: subtitles in the order of the file.
-
     Raises:
         ImportFileError: not one of them has a position.
     """
@@ -49,15 +45,15 @@ def log_of_cues(source: str, cues: Iterable[SubtitleCue]) -> VehicleLog:
     rows: list[tuple[int, DjiCue]] = []
     numbers: list[int] = []
     for number, cue in enumerate(cues, 1):
-        said = read_cue(cue.text)
-        if said is None:
+        values = read_cue(cue.text)
+        if values is None:
             skipped["subtitles without a position"] += 1
-        elif not whole_places(np.array([said.lat_deg]), np.array([said.lon_deg]))[0]:
+        elif not whole_places(np.array([values.lat_deg]), np.array([values.lon_deg]))[0]:
             skipped["positions before the first fix, or none on Earth"] += 1
         elif cue.start_us > _FAR_US:
             skipped["times beyond a day"] += 1
         else:
-            rows.append((cue.start_us, said))
+            rows.append((cue.start_us, values))
             numbers.append(number)
     if not rows:
         why = ", ".join(f"{count} {reason}" for reason, count in skipped.items())
@@ -70,7 +66,7 @@ def log_of_cues(source: str, cues: Iterable[SubtitleCue]) -> VehicleLog:
     family = Counter(cue.family for cue in read).most_common(1)[0][0]
     decimals = _decimals(read)
     unix_us = np.array([cue.unix_us for cue in read], np.int64)
-    zero_us, told = film_date("the date in its subtitles", unix_us, t_us, cut=True)
+    zero_us, assumed = film_date("the date in its subtitles", unix_us, t_us, cut=True)
     found = [f"DJI subtitles, {family}", f"{len(read)} positions of {decimals} decimals"]
     return VehicleLog(
         source=source,
@@ -82,14 +78,15 @@ def log_of_cues(source: str, cues: Iterable[SubtitleCue]) -> VehicleLog:
         view=_view(t_us, read),
         notes=ImportNotes(
             found=tuple(found),
-            assumed=(*((DATE_IN_UTC,) if zero_us else ()), *told, *ordered.assumed),
+            assumed=(*((DATE_IN_UTC,) if zero_us else ()), *assumed, *ordered.assumed),
             skipped=dict(skipped),
         ),
     )
 
 
 def _decimals(read: Sequence[DjiCue]) -> int:
-    """That most positions have: some writers drop a zero at the end, and a few finer ones do not make the others so."""
+    """Return the number of decimals that most positions have: some writers drop a zero at the end, and a few finer ones
+    do not make the others so."""
     return int(np.quantile([cue.decimals for cue in read], _FINER, method="lower"))
 
 
@@ -122,9 +119,10 @@ def _view(t_us: NDArray[np.int64], read: Sequence[DjiCue]) -> ViewTrack:
     if not known.any():
         return ViewTrack.empty()
     if zoom != 1.0:
-        said = f"a focal length of {np.median(focal[known]):.4g} mm and a digital zoom of {zoom:.2f}"
+        values = f"a focal length of {np.median(focal[known]):.4g} mm and a digital zoom of {zoom:.2f}"
         return replace(
-            ViewTrack.empty(), source=f"{said} in the subtitles, which do not tell whether the one has the other in it"
+            ViewTrack.empty(),
+            source=f"{values} in the subtitles, which do not tell whether the one has the other in it",
         )
     return ViewTrack(
         t_us=t_us[known],

@@ -18,20 +18,20 @@ import msgspec
 
 from gcs.export.motion_imagery.misb import SETS_KEY
 from gcs.importing.formats.sei import unregistered_messages
-from gcs.importing.formats.subtitles import MOST_CUES, SubtitleCue
+from gcs.importing.formats.subtitles import MAX_CUES, SubtitleCue
 from gcs.importing.formats.timed_bytes import TimedBytes
 from infra.plain_text import plain
 from infra.processes.bounded import UnreadError, answer_parent, ask_child
 from vision.errors import VideoError
 from vision.video.frame_index import film_stream, open_video
 
-_MOST_BYTES = 256 << 20
+_MAX_BYTES = 256 << 20
 """Maximum bytes of everything that is kept: three hours of messages with each picture."""
-_MOST_MESSAGES = MOST_CUES
-_MORE_BYTES, _TIMES_ITS_SIZE = 3 * _MOST_BYTES, 3
-"""Bytes of memory that a film may take: this, as what is kept is read, told and sent, and so many times its size."""
+_MAX_MESSAGES = MAX_CUES
+_MORE_BYTES, _TIMES_ITS_SIZE = 3 * _MAX_BYTES, 3
+"""Bytes of memory that a film may take: this, as what is kept is read, told and sent, and this many times its size."""
 _READING_S, _READING_BYTES_A_SECOND = 60.0, 1_000_000
-"""Longest time to read a film through: so many s, and its size at this pace."""
+"""Longest time to read a film through: this many s, and its size at this pace."""
 _WITH_MESSAGES = ("h264", "hevc")
 _DJI_NAMES = ("DJI meta", "djmd")
 
@@ -91,7 +91,7 @@ def _read_through(path: Path) -> FilmStreams:
                 first_s = min(first_s, t_s)
             for kind, part in _parts(stream, data):
                 size += len(part)
-                if size > _MOST_BYTES or len(rows) >= _MOST_MESSAGES:
+                if size > _MAX_BYTES or len(rows) >= _MAX_MESSAGES:
                     found.dropped += 1
                 else:
                     rows.append((kind, t_s, part))

@@ -14,7 +14,7 @@ from gcs.importing.formats.point_tracks import PointTracks, read_xml_tracks
 from gcs.importing.vehicle_log import VehicleLog
 from infra.text_numbers import number_or_nan
 
-_MOST_TEXT = 200
+_MAX_TEXT = 200
 
 
 class _GpxReader:
@@ -50,4 +50,4 @@ def read_gpx(path: Path) -> list[VehicleLog]:
         ImportFileError: it cannot be read, is not XML, or has no point with a time.
     """
     tracks = PointTracks(path, "GPX track")
-    return read_xml_tracks(path, "GPX", tracks, _GpxReader(tracks).ended, _MOST_TEXT)
+    return read_xml_tracks(path, "GPX", tracks, _GpxReader(tracks).ended, _MAX_TEXT)

@@ -29,7 +29,7 @@ from gcs.importing.vehicle_log import (
 )
 from mavlink.geodesy import rotation_from_euler
 
-_MOST_SET = 1 << 20
+_MAX_SET = 1 << 20
 _LATEST_US = 4_102_444_800_000_000
 """Year 2100: what is later is a date that is not known."""
 _ABOVE_ELLIPSOID = {75, 104}
@@ -102,8 +102,8 @@ def _times(rows: Sequence[tuple[int, dict[int, float]]]) -> tuple[NDArray[np.int
     if not all(stamped):
         return t_us, 0, ()
     unix_us = np.array(stamped, np.int64)
-    zero_us, told = film_date("the date in its KLV", unix_us, t_us)
-    return (t_us if told else unix_us - zero_us), zero_us, told
+    zero_us, assumed = film_date("the date in its KLV", unix_us, t_us)
+    return (t_us if assumed else unix_us - zero_us), zero_us, assumed
 
 
 def _sets(data: bytes, skipped: Counter[str]) -> Iterator[dict[int, float]]:
@@ -111,7 +111,7 @@ def _sets(data: bytes, skipped: Counter[str]) -> Iterator[dict[int, float]]:
     at = data.find(SETS_KEY)
     while at >= 0:
         size, start = _length(data, at + len(SETS_KEY))
-        if size is None or size > _MOST_SET or start + size > len(data):
+        if size is None or size > _MAX_SET or start + size > len(data):
             skipped["KLV sets that are cut"] += 1
             return
         items = _items(data[start : start + size])
@@ -160,7 +160,7 @@ def _items(body: bytes) -> dict[int, float] | None:
 
 
 def _value(tag: int, raw: bytes) -> float | None:
-    """In degrees, metres or µs; None for tags that are not used, of another length, or unknown."""
+    """Return a value in degrees, metres or µs; None for tags that are not used, of another length, or unknown."""
     if tag in _ABOVE_ELLIPSOID:
         return 0.0  # that it is there is all that is used
     if tag == CHECKSUM and len(raw) == 2:
@@ -179,11 +179,11 @@ def _value(tag: int, raw: bytes) -> float | None:
     return None
 
 
-def _sum_ok(data: bytes, told: float | None) -> bool:
+def _sum_ok(data: bytes, assumed: float | None) -> bool:
     """Tell whether the checksum is that of all before its value; sets without one are taken."""
-    if told is None:
+    if assumed is None:
         return True
-    return checksum(data[:-2]) == int(told)
+    return checksum(data[:-2]) == int(assumed)
 
 
 def _platform(items: dict[int, float]) -> tuple[float, float, float]:

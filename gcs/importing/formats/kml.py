@@ -17,7 +17,7 @@ from gcs.importing.formats.point_tracks import PointTracks, read_xml_tracks
 from gcs.importing.vehicle_log import VehicleLog
 from infra.text_numbers import number_or_nan
 
-_MOST_TEXT = 400
+_MAX_TEXT = 400
 """Letters of a value: three coordinates of two points have less."""
 _SHAPES = ("Point", "LineString", "Track")
 _FOLDERS = ("Document", "Folder")
@@ -121,7 +121,7 @@ class _KmlReader:
         self._begin_placemark()
 
     def _end_loose(self) -> None:
-        """Points and lines that follow each other in a folder are one track."""
+        """End a track of points and lines that follow each other in a folder."""
         self._tracks.name(self._folder())
         self._tracks.end()
         self._last = (math.nan, (math.nan, math.nan))
@@ -156,4 +156,4 @@ def read_kml(path: Path) -> list[VehicleLog]:
         ImportFileError: it cannot be read, is not XML, or has no point with a time.
     """
     tracks = PointTracks(path, "KML")
-    return read_xml_tracks(path, "KML", tracks, _KmlReader(tracks).ended, _MOST_TEXT)
+    return read_xml_tracks(path, "KML", tracks, _KmlReader(tracks).ended, _MAX_TEXT)

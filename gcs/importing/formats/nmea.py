@@ -24,7 +24,7 @@ _TIME = re.compile(r"([01]\d|2[0-3])([0-5]\d)([0-5]\d(?:\.\d{1,9})?)$", re.ASCII
 _DATE = re.compile(r"(\d\d)(\d\d)(\d\d)$", re.ASCII)
 _MPS_PER_KNOT = 1852.0 / 3600.0
 _DAY_S = 86_400.0
-_LEAST_FIELDS = {"GGA": 9, "GNS": 9, "RMC": 9, "GST": 7, "ZDA": 4}
+_MIN_FIELDS = {"GGA": 9, "GNS": 9, "RMC": 9, "GST": 7, "ZDA": 4}
 _NAN2 = (math.nan, math.nan)
 
 
@@ -52,10 +52,10 @@ class _NmeaReader:
         self._tracks = tracks
         self._fix = _NmeaFix(math.nan)
         self._date = _NAN2
-        """Unix seconds of midnight, and the time of day at which it was told."""
+        """Unix seconds of midnight, and the time of day at which it was reported."""
 
     def take(self, line: str) -> None:
-        """The next line."""
+        """Read the next line."""
         found = _SENTENCE.search(line)
         if found is None:
             return
@@ -65,7 +65,7 @@ class _NmeaReader:
             return
         fields = body.split(",")
         time_s = _time_s(fields[0])
-        if len(fields) < _LEAST_FIELDS[kind] or math.isnan(time_s):
+        if len(fields) < _MIN_FIELDS[kind] or math.isnan(time_s):
             self._tracks.skipped["sentences without a time"] += 1
             return
         if time_s != self._fix.time_s or kind in self._fix.heard:
@@ -110,16 +110,16 @@ class _NmeaReader:
         self._date = midnight, self._fix.time_s
 
     def end_fix(self) -> None:
-        """All sentences of a time were read."""
+        """Keep the fix once all sentences of a time were read."""
         fix = self._fix
         if not fix.heard & {"GGA", "GNS", "RMC"}:
             return
         if not fix.valid:
             self._tracks.skipped["times without a fix"] += 1
             return
-        midnight, told_s = self._date
+        midnight, date_s = self._date
         # the date may have been told before midnight
-        days = round((told_s - fix.time_s) / _DAY_S) if math.isfinite(told_s) else 0
+        days = round((date_s - fix.time_s) / _DAY_S) if math.isfinite(date_s) else 0
         std_m = fix.std_m if fix.std_m > 0.0 else M_PER_HDOP * fix.hdop
         self._tracks.add(
             midnight + days * _DAY_S + fix.time_s, fix.place, alt_m=fix.alt_m, std_m=std_m, v_mps=fix.v_mps

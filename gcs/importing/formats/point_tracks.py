@@ -19,9 +19,9 @@ from gcs.importing.vehicle_log import ImportNotes, PlaceTrack, VehicleLog, whole
 from infra.plain_text import plain
 from infra.xml_text import ElementHandler, XmlRefusedError, read_elements
 
-_MOST_POINTS = 1_000_000
-_MOST_TRACKS = 255
-_MOST_NAME = 200
+_MAX_POINTS = 1_000_000
+_MAX_TRACKS = 255
+_MAX_NAME = 200
 _COLUMNS = 9
 """Columns of a point: Unix seconds, degrees, metres above sea and take-off, 1σ in metres, m/s north and east, line."""
 _NUMBER = re.compile(r"(?<!\d)(\d{1,3})(?!.*\d)", re.ASCII)
@@ -41,7 +41,7 @@ class PointTracks:
     def __init__(self, path: Path, what: str) -> None:
         self.skipped: Counter[str] = Counter()
         self.assumed: dict[str, None] = {}
-        """In words, once each."""
+        """Assumptions in words, once each."""
         self.line = 0
         """Line of the file that is read, from 1."""
         self._path, self._what = path, what
@@ -55,7 +55,7 @@ class PointTracks:
 
     def name(self, text: str) -> None:
         """Take the name of the track that is read."""
-        self._open.name = plain(text.strip()[:_MOST_NAME])
+        self._open.name = plain(text.strip()[:_MAX_NAME])
 
     def add(
         self,
@@ -67,7 +67,7 @@ class PointTracks:
         std_m: float = math.nan,
         v_mps: tuple[float, float] = (math.nan, math.nan),
     ) -> None:
-        """The track's next point; one without a time or a place is counted.
+        """Add the next point to the track; one without a time or a place is counted.
 
         Args:
             unix_s: NaN unknown.
@@ -80,8 +80,8 @@ class PointTracks:
             ImportFileError: there are too many.
         """
         self._count += 1
-        if self._count > _MOST_POINTS:
-            raise ImportFileError(f"{self._path}: more than {_MOST_POINTS} points; cut it where the flight ends")
+        if self._count > _MAX_POINTS:
+            raise ImportFileError(f"{self._path}: more than {_MAX_POINTS} points; cut it where the flight ends")
         if not (math.isfinite(unix_s) and unix_s >= 0.0):
             self.skipped["points without a time"] += 1
         elif not whole_places(np.array([place[0]]), np.array([place[1]]))[0]:
@@ -90,14 +90,14 @@ class PointTracks:
             self._open.columns.extend((unix_s, *place, alt_m, height_m, std_m, *v_mps, self.line))
 
     def end(self) -> None:
-        """The track that was read is whole.
+        """End the track that was read: it is whole.
 
         Raises:
             ImportFileError: there are too many.
         """
         if self._open.columns:
-            if len(self._tracks) >= _MOST_TRACKS:
-                raise ImportFileError(f"{self._path}: more than {_MOST_TRACKS} tracks")
+            if len(self._tracks) >= _MAX_TRACKS:
+                raise ImportFileError(f"{self._path}: more than {_MAX_TRACKS} tracks")
             self._tracks.append(self._open)
         self._open = _PointTrack()
 

@@ -55,21 +55,21 @@ _COLUMNS = (
     *("latitude_deg", "longitude_deg", "altitude_msl_m", "fix_type", "time_utc_usec"),
     *("vel_n_m_s", "vel_e_m_s", "vel_d_m_s"),
 )
-_MOST_BYTES = 1 << 30
+_MAX_BYTES = 1 << 30
 _HEADER_BYTES, _MESSAGE, _KINDS = 16, struct.Struct("<HB"), frozenset(b"ABCDFILMOPQRST")
 """ULog's header, the head of each message, and the letters of the kinds that there are."""
 _GAP_US = 2_000_000
 _LATEST_US = 1 << 53
 _LATEST_FIX_US = 2_000_000
 """Greatest delay of a fix in the log."""
-_LEAST_UTC_US = 1_000_000_000_000_000
+_MIN_UTC_US = 1_000_000_000_000_000
 """Year 2001: what a receiver says before is no time."""
 _YAW_IN_EARTH_FRAME = 64
 _FIX_3D = 3
 _MORE_BYTES, _TIMES_LARGER = 200_000_000, 3
-"""Bytes of memory that a log may take: this and so many times its size."""
-_LEAST_S, _BYTES_A_SECOND = 60.0, 1_000_000
-"""For which it may take to be read."""
+"""Bytes of memory that a log may take: this and this many times its size."""
+_MIN_S, _BYTES_A_SECOND = 60.0, 1_000_000
+"""Time that a log may take to be read, at least, and its bytes a second."""
 
 
 class _UlogColumn(msgspec.Struct):
@@ -93,7 +93,7 @@ class UlogTopics(msgspec.Struct, tag=True):
     """Topics that were found."""
 
     topics: list[_UlogTopic]
-    """Those with rows, instances of one name by their numbers."""
+    """Topics with rows, instances of one name by their numbers."""
     system_id: int
     """0 unknown."""
     damaged: bool
@@ -110,9 +110,6 @@ class UlogTopics(msgspec.Struct, tag=True):
 def read_topics(path: str, size: int, topics: list[str], columns: list[str]) -> UlogTopics:
     """Read a log.
 
-    Args:
-        size: bytes of it.
-
     Raises:
         UnreadError: it cannot be read, or asks for more than a log may.
     """
@@ -121,7 +118,7 @@ def read_topics(path: str, size: int, topics: list[str], columns: list[str]) -> 
         _UlogQuestion(path, topics, columns),
         UlogTopics,
         most_bytes=_MORE_BYTES + _TIMES_LARGER * size,
-        most_s=_LEAST_S + size / _BYTES_A_SECOND,
+        most_s=_MIN_S + size / _BYTES_A_SECOND,
     )
 
 
@@ -214,8 +211,8 @@ def _topics(path: Path) -> tuple[Topics, int, bool]:
         raise ImportFileError(f"{path}: PX4 logs need pyulog: pip install 'rollcall-gcs[import]'")
     with open_file(path) as file:
         size = os.fstat(file.fileno()).st_size
-    if size > _MOST_BYTES:
-        raise ImportFileError(f"{path}: larger than {_MOST_BYTES >> 30} GiB; cut it where the flight ends")
+    if size > _MAX_BYTES:
+        raise ImportFileError(f"{path}: larger than {_MAX_BYTES >> 30} GiB; cut it where the flight ends")
     try:
         found = read_topics(str(path), size, list(_WANTED), list(_COLUMNS))
     except (UnreadError, OSError) as error:
@@ -306,13 +303,13 @@ def _zero_us(topics: Topics) -> tuple[int | None, tuple[str, ...]]:
         for topic in topics.get(name, ())
         if _has(topic, "time_utc_usec")
         for utc_us in [topic["time_utc_usec"].astype(np.int64)]
-        for known in [utc_us > _LEAST_UTC_US]
+        for known in [utc_us > _MIN_UTC_US]
     ]
     utc_us, t_us = max(found, key=lambda each: len(each[0]), default=(np.empty(0, np.int64),) * 2)
     if not len(utc_us):
         return None, ()
     lead = clock_lead("GPS time", "the log's own clock", utc_us, t_us, latest_us=_LATEST_FIX_US)
-    return int(np.quantile(lead.longest_us, 0.5, method="lower")), lead.told
+    return int(np.quantile(lead.longest_us, 0.5, method="lower")), lead.notes
 
 
 def _attitudes(topic: Columns | None) -> AngleTrack:

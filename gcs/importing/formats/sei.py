@@ -34,7 +34,7 @@ TELEMETRY_UUID = bytes.fromhex("8d646b4e556f4a908b7c35e629510321")
 _SCHEMA = "apcg.telemetry.v1"
 _USER_DATA = 5
 _H264_SEI, _H265_SEI = (6,), (39, 40)
-_MOST_JSON = 16 << 10
+_MAX_JSON = 16 << 10
 _OLDEST_MS = 1000.0
 """Greatest age at which a message is not left out."""
 _PARTS = re.compile(rb"\x00\x00\x01")
@@ -120,7 +120,7 @@ def log_of_messages(source: str, messages: Sequence[TimedBytes]) -> VehicleLog:
     places = places[known]
     ordered = row_times(t_us[known], places[:, :2], source, at_second(t_us[known], "film"))
     order = ordered.rows
-    zero_us, told = film_date("the date in its telemetry", np.nan_to_num(utc_us).astype(np.int64), t_us)
+    zero_us, assumed = film_date("the date in its telemetry", np.nan_to_num(utc_us).astype(np.int64), t_us)
     return VehicleLog(
         source=source,
         clock="video",
@@ -141,14 +141,14 @@ def log_of_messages(source: str, messages: Sequence[TimedBytes]) -> VehicleLog:
                 f"AP_CameraGimbal's telemetry among the pictures, {len(places)} positions",
                 f"{len(attitudes)} attitudes, {len(gimbal)} of the gimbal",
             ),
-            assumed=(*told, *ordered.assumed),
+            assumed=(*assumed, *ordered.assumed),
             skipped={**skipped, **ordered.skipped},
         ),
     )
 
 
 def _record(data: bytes) -> Mapping[str, Any] | None:
-    if len(data) > _MOST_JSON:
+    if len(data) > _MAX_JSON:
         return None
     try:
         record = json.loads(data.rstrip(b"\0"))

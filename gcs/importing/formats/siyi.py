@@ -5,7 +5,7 @@
     gb_yaw:14.5, gb_pitch:-80.0, gb_roll:0.0
 
 Layout as in the tests of MAVProxy's player of such videos. Coordinates are rounded to 0.1″, 3 m, dates cut to seconds;
-``rel_alt`` repeats the altitude above sea level; the gimbal's yaw counts from the nose, whose heading is not told.
+``rel_alt`` repeats the altitude above sea level; the gimbal's yaw counts from the nose, whose heading is not reported.
 """
 
 from __future__ import annotations
@@ -54,9 +54,9 @@ def siyi_log(source: str, cues: Sequence[SubtitleCue]) -> VehicleLog:
         if not whole_places(np.array([lat]), np.array([lon]))[0]:
             skipped["subtitles without a position"] += 1
             continue
-        said = {name: float(value) for name, value in _NUMBERS.findall(cue.text)}
-        angles = (math.radians(said.get(f"gb_{axis}", math.nan)) for axis in ("roll", "pitch", "yaw"))
-        rows.append((cue.start_us, lat, lon, said.get("abs_alt", math.nan), *angles))
+        values = {name: float(value) for name, value in _NUMBERS.findall(cue.text)}
+        angles = (math.radians(values.get(f"gb_{axis}", math.nan)) for axis in ("roll", "pitch", "yaw"))
+        rows.append((cue.start_us, lat, lon, values.get("abs_alt", math.nan), *angles))
         dates.append(_unix_us(cue.text))
         numbers.append(number)
     if not rows:
@@ -64,7 +64,7 @@ def siyi_log(source: str, cues: Sequence[SubtitleCue]) -> VehicleLog:
     table, unix_us = np.array(rows), np.array(dates, np.int64)
     ordered = row_times(table[:, 0].astype(np.int64), table[:, 1:3], source, numbered("subtitle", numbers), blocks=True)
     table, unix_us, t_us = table[ordered.rows], unix_us[ordered.rows], ordered.t_us
-    zero_us, told = film_date("the date in its subtitles", unix_us, t_us, cut=True)
+    zero_us, assumed = film_date("the date in its subtitles", unix_us, t_us, cut=True)
     known = np.isfinite(table[:, 5])
     return VehicleLog(
         source=source,
@@ -82,7 +82,7 @@ def siyi_log(source: str, cues: Sequence[SubtitleCue]) -> VehicleLog:
         gimbal=AngleTrack(t_us=t_us[known], angles=table[known, 4:7], yaw_from="nose"),
         notes=ImportNotes(
             found=("SIYI's subtitles in the video", f"{len(t_us)} positions to 3 m, dates to whole seconds"),
-            assumed=(*((DATE_IN_UTC,) if zero_us else ()), *told, *ordered.assumed),
+            assumed=(*((DATE_IN_UTC,) if zero_us else ()), *assumed, *ordered.assumed),
             skipped={**skipped, **ordered.skipped},
         ),
     )

@@ -13,9 +13,9 @@ from pathlib import Path
 from gcs.errors import ImportFileError
 from gcs.importing.formats.text_file import text_lines
 
-MOST_CUES = 1_000_000
+MAX_CUES = 1_000_000
 """Nine hours at 30 a second."""
-_MOST_TEXT_LINES, _MOST_LINE = 24, 1000
+_MAX_TEXT_LINES, _MAX_LINE = 24, 1000
 _TIME = r"([0-9]{1,3}):([0-9]{1,2}):([0-9]{1,2})(?:[,.:]([0-9]{1,3}))?"
 _TIMES = re.compile(rf"^\s*{_TIME}\s*--?>\s*{_TIME}")
 
@@ -37,8 +37,8 @@ def read_cues(path: Path) -> Iterator[SubtitleCue]:
     """
     count = 0
     for count, cue in enumerate(cues_of(text_lines(path)), 1):
-        if count > MOST_CUES:
-            raise ImportFileError(f"{path}: more than {MOST_CUES} subtitles; cut it where the flight ends")
+        if count > MAX_CUES:
+            raise ImportFileError(f"{path}: more than {MAX_CUES} subtitles; cut it where the flight ends")
         yield cue
     if not count:
         raise ImportFileError(
@@ -52,8 +52,8 @@ def cues_of(lines: Iterable[str]) -> Iterator[SubtitleCue]:
     for line in lines:
         times = _TIMES.match(line)
         if times is None:
-            if start_us >= 0 and len(text) < _MOST_TEXT_LINES:
-                text.append(line[:_MOST_LINE])
+            if start_us >= 0 and len(text) < _MAX_TEXT_LINES:
+                text.append(line[:_MAX_LINE])
             continue
         if start_us >= 0:
             yield SubtitleCue(start_us, "\n".join(text))

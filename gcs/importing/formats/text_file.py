@@ -1,4 +1,4 @@
-"""Text files of others, a line at a time: any common encoding, any end of line, bounded memory."""
+"""Text files from other programs, a line at a time: any common encoding, any end of line, bounded memory."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ from typing import BinaryIO, TextIO
 from gcs.errors import ImportFileError
 from infra.files.safe_open import open_to_read
 
-MOST_LINE_CHARS = 4096
-"""No line of a subtitle or table that is one is longer."""
+MAX_LINE_CHARS = 4096
+"""Length of the longest line of any subtitle or table."""
 _MARKS = ((codecs.BOM_UTF8, "utf-8-sig"), (codecs.BOM_UTF16_LE, "utf-16"), (codecs.BOM_UTF16_BE, "utf-16"))
 LOOKED_AT = 4096
 """Bytes at the beginning of a file that tell what it is."""
@@ -60,9 +60,9 @@ def _guess(head: bytes) -> str:
 
 
 def _lines(file: TextIO) -> Iterator[str]:
-    pieces = iter(partial(file.readline, MOST_LINE_CHARS), "")
+    pieces = iter(partial(file.readline, MAX_LINE_CHARS), "")
     for line in pieces:
         kept = line
-        while line and not line.endswith("\n") and len(line) >= MOST_LINE_CHARS:
+        while line and not line.endswith("\n") and len(line) >= MAX_LINE_CHARS:
             line = next(pieces, "")
         yield kept.rstrip("\r\n")

@@ -14,7 +14,7 @@ from gcs.report.page.vehicle_parts import standing_of
 from gcs.report.score import Matched, score
 from gcs.report.vehicle_names import text_with_sender
 
-MOST_NAMES: Final = 8
+MAX_NAMES: Final = 8
 """Most vehicles named in one line; the roll call has all of them."""
 
 
@@ -38,15 +38,15 @@ def _standings(record: FlightSummary) -> Iterator[Line]:
     rows = record.rollcall.rows()
     for standing in ("confirmed", "tentative"):
         if names := [row.name for row in rows if standing_of(record, row) == standing]:
-            more = f" and {len(names) - MOST_NAMES} more" if len(names) > MOST_NAMES else ""
-            yield f"{standing}: {', '.join(names[:MOST_NAMES])}{more}", standing
+            more = f" and {len(names) - MAX_NAMES} more" if len(names) > MAX_NAMES else ""
+            yield f"{standing}: {', '.join(names[:MAX_NAMES])}{more}", standing
     never = (row for row in rows if standing_of(record, row) == "never named")
     yield from listed([(f"never named: {row.name} ({row.remark})", "never") for row in never])
     if seen := [row for row in rows if row.boxes and row.frames_in_view]:
         least = min(seen, key=lambda row: row.share)
         mean = sum(row.share for row in seen) / len(seen)
-        least_told = f", {least.name} least, in {_percent(least.share)}" if len(seen) > 1 else ""
-        yield f"with their name in {_percent(mean)} of the frames in view{least_told}", ""
+        least_named = f", {least.name} least, in {_percent(least.share)}" if len(seen) > 1 else ""
+        yield f"with their name in {_percent(mean)} of the frames in view{least_named}", ""
 
 
 def _wrong(record: FlightSummary, matched: Matched | None) -> str:
@@ -69,12 +69,12 @@ def _alarms(record: FlightSummary) -> list[Line]:
     troubles: dict[tuple[bool, str], list[AlarmSpan]] = {}
     for span in record.alarms:
         troubles.setdefault((span.alarm.level != "alarm", span.alarm.key), []).append(span)
-    told = []
+    lines = []
     for (lesser, _), spans in troubles.items():
         on_s = _on_s(record, spans)
         often = f"{len(spans)} times, " if len(spans) > 1 else ""
-        told.append((lesser, -on_s, f"{spans[0].alarm.text} ({often}{on_s:.1f} s)"))
-    return [(text, "warn" if lesser else "bad") for lesser, _, text in sorted(told)]
+        lines.append((lesser, -on_s, f"{spans[0].alarm.text} ({often}{on_s:.1f} s)"))
+    return [(text, "warn" if lesser else "bad") for lesser, _, text in sorted(lines)]
 
 
 def _doubtful(record: FlightSummary, matched: Matched | None, lacks: Sequence[str]) -> str:

@@ -20,14 +20,14 @@ from gcs.report.score import Matched
 from gcs.report.vehicle_names import text_with_sender
 from gcs.snapshot import Reported
 
-MOST_LISTED: Final = 1000
+MAX_LISTED: Final = 1000
 """Alarms, and other events, of one flight that the page lists; the rest is counted."""
 _REPORTED: Final[Mapping[Reported, str]] = {
     "": "",
     "then": "the flight alone",
     "now": "its replay alone",
 }
-"""Words for who tells it, where it is not both."""
+"""Words for whether the flight or its replay reported something, where it is not both."""
 _LEVELS: Final = MappingProxyType({"level": MappingProxyType({"alarm": "bad", "warning": "warn"}).get})
 
 
@@ -44,13 +44,13 @@ class Provenance:
     files: Mapping[str, str] = field(default_factory=dict)
     """SHA-256 of each file that was read, by name."""
     imported: Sequence[tuple[str, str]] = ()
-    """Account of the files of others that the recording was made from."""
+    """Account of the files from other programs that the recording was made from."""
     spans: Sequence[tuple[str, Sequence[tuple[float, float]]]] = ()
-    """Vehicles that these tell of, each with the seconds of the film from which and to which."""
+    """Spans of the film, seconds from and to, in which each of these files tells of vehicles."""
 
 
 def flight_report(record: FlightSummary, stills: Stills, matched: Matched | None, about: Provenance) -> str:
-    """The page.
+    """Make the page of one flight.
 
     Args:
         matched: names beside the truth, None unknown.
@@ -89,7 +89,7 @@ def _alarms(record: FlightSummary) -> str:
             span.alarm.advice,
             _REPORTED[span.alarm.reported],
         )
-        for number, span in enumerate(record.alarms[:MOST_LISTED], 1)
+        for number, span in enumerate(record.alarms[:MAX_LISTED], 1)
     ]
     more = _left_out(len(record.alarms), "alarms")
     columns = ("number", "from", "until", "level", "what", "what to do", "told by")
@@ -101,7 +101,7 @@ def _events(record: FlightSummary) -> str:
         return empty("No warning was given.")
     # what the operator did and marked is always listed
     own = [event for event in record.events if event.kind in ("mark", "operator")]
-    listed = {id(event) for event in (*own, *record.events)[: max(MOST_LISTED, len(own))]}
+    listed = {id(event) for event in (*own, *record.events)[: max(MAX_LISTED, len(own))]}
     rows = [
         (
             clock((event.t_us - record.start_us) * 1e-6),
@@ -126,7 +126,7 @@ def _reports(columns: Sequence[str], rows: Sequence[Sequence[str]], right: Seque
 
 
 def _left_out(count: int, what: str) -> str:
-    return empty(f"{count - MOST_LISTED} more {what} are not listed.") if count > MOST_LISTED else ""
+    return empty(f"{count - MAX_LISTED} more {what} are not listed.") if count > MAX_LISTED else ""
 
 
 def _lines(lines: Sequence[str]) -> str:

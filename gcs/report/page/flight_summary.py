@@ -20,13 +20,13 @@ from mavlink.geodesy import LocalFrame
 
 FloatArray = NDArray[np.float64]
 
-MOST_PARTS: Final = 400
+MAX_PARTS: Final = 400
 """Most parts of a flight's time: more than a page shows side by side."""
 FRAMES_A_PART: Final = 3
-"""At least, on average: a part without a frame looks like one without a name."""
-MOST_CHANGES: Final = 20
+"""Least number of frames in a part, on average: a part without a frame looks like one without a name."""
+MAX_CHANGES: Final = 20
 LONGEST_STEP_US: Final = 1_000_000
-"""For which a frame's names are taken to hold while no other is looked at."""
+"""Longest time for which a frame's names are taken to hold while no other is looked at."""
 
 
 @dataclass(slots=True)
@@ -67,7 +67,7 @@ class VehicleRecord:
     named: Spread = field(default_factory=Spread)
     """Confidence of its name, box by box."""
     residual_m: Spread = field(default_factory=Spread)
-    """From its box to its report, box by box."""
+    """Distance from its box to its report, m, box by box."""
     std_m: Spread = field(default_factory=Spread)
     """1σ of its position, moment by moment while positions come: what is extrapolated over a silence is none."""
     loss: Spread = field(default_factory=Spread)
@@ -117,7 +117,7 @@ class FlightSummary:
 
     def __init__(self, mission: Mission, start_us: int, stop_us: int, frame_s: float) -> None:
         self.start_us, self.stop_us = start_us, max(stop_us, start_us + 1)
-        self.parts = min(max(int(self.span_s / (FRAMES_A_PART * frame_s)), 1), MOST_PARTS)
+        self.parts = min(max(int(self.span_s / (FRAMES_A_PART * frame_s)), 1), MAX_PARTS)
         self.name_of = mission.name_of
         self.rollcall = RollCall(mission)
         self.vehicles = {i: VehicleRecord.empty(i, mission.name_of(i), self.parts) for i in mission.ugv_ids}
@@ -130,7 +130,7 @@ class FlightSummary:
 
     @property
     def span_s(self) -> float:
-        """From begin to end."""
+        """Duration of the flight, s."""
         return (self.stop_us - self.start_us) * 1e-6
 
     def part_of(self, t_us: int) -> int:
@@ -164,11 +164,11 @@ class FlightSummary:
             if not box.coasting:
                 self._add_box(self.vehicles[box.system_id], at_us, box, snapshot)
 
-    def tell(self, alarms: Sequence[AlarmSpan], events: Iterable[Event]) -> None:
+    def set_reports(self, alarms: Sequence[AlarmSpan], events: Iterable[Event]) -> None:
         """Take in what was reported: every alarm, every event."""
         events = sorted(events, key=lambda event: event.t_us)
         coming = {(span.alarm.kind, span.alarm.system_id, span.alarm.text) for span in alarms}
-        self.rollcall.tell(alarms, events)
+        self.rollcall.set_reports(alarms, events)
         self.alarms = alarms
         self.events = [
             event
@@ -189,7 +189,7 @@ class FlightSummary:
             vehicle.seen[part] = self._place(box.p_enu, snapshot.origin)
         if vehicle.track_id not in (0, box.track_id):
             vehicle.changed += 1
-            if len(vehicle.changes) < MOST_CHANGES:
+            if len(vehicle.changes) < MAX_CHANGES:
                 vehicle.changes.append((at_us, vehicle.track_id, box.track_id))
         vehicle.track_id = box.track_id
 

@@ -16,7 +16,7 @@ from infra.plain_text import plain
 POLICY: Final = "default-src 'none'; style-src 'unsafe-inline'; img-src data:"
 """Policy for browsers: they may show the page, no more."""
 CHART_WIDTH: Final = 1000
-MOST_LINES: Final = 5
+MAX_LINES: Final = 5
 """Most lines of one kind on a card."""
 DASHES: Final = ("", "12 5", "3 4", "12 4 3 4")
 """Dashes that tell lines apart: pages are printed in grey, too."""
@@ -142,17 +142,12 @@ def card(title: str, sum_up: tuple[str, str], lines: Iterable[Line], kind: str =
 
 def listed(lines: Sequence[Line]) -> list[Line]:
     """The first few, and how many more there are: the lists below have all of them."""
-    more = [(f"and {len(lines) - MOST_LINES} more, below", "")] if len(lines) > MOST_LINES else []
-    return [*lines[:MOST_LINES], *more]
+    more = [(f"and {len(lines) - MAX_LINES} more, below", "")] if len(lines) > MAX_LINES else []
+    return [*lines[:MAX_LINES], *more]
 
 
 def section(title: str, *parts: str) -> Section:
-    """One part of a page.
-
-    Args:
-        title: plain words.
-        parts: HTML.
-    """
+    """One part of a page."""
     return Section(title, "".join(parts))
 
 

@@ -19,16 +19,16 @@ from infra.plain_text import plain
 WIDTH: Final = CHART_WIDTH
 MARGIN: Final = 60
 HEIGHTS: Final = (300, 800)
-LEAST_M: Final = 10.0
+MIN_M: Final = 10.0
 """Across: a fleet that stands still is not magnified without end."""
 FARTHEST_M: Final = 5_000.0
 """Places farther from the middle are jumps of a receiver."""
 SQUARE, LETTER, LINE, DOT = 4, 9.6, 20, 4
 """Side of the squares in which names are placed, width of a letter, height of a line, radius of a dot."""
-MOST_LETTERS: Final = 20
+MAX_LETTERS: Final = 20
 """Most letters of a name; the roll call has all of it."""
 JOIN_PARTS: Final = 6
-"""Places farther apart in time than so many parts are not joined."""
+"""Places farther apart in time than this many parts are not joined."""
 
 
 def colour_of(index: int) -> str:
@@ -46,7 +46,7 @@ def draw_map(record: FlightSummary) -> str:
         return empty("No vehicle told where it was: there is no map.")
     places = places[np.linalg.norm(places - np.median(places, axis=0), axis=1) < FARTHEST_M]
     low, high = places.min(axis=0), places.max(axis=0)
-    middle, across = (low + high) / 2, np.maximum(high - low, LEAST_M)
+    middle, across = (low + high) / 2, np.maximum(high - low, MIN_M)
     height = min(max(int(across[1] / across[0] * WIDTH), HEIGHTS[0]), HEIGHTS[1])
     scale = float(min((WIDTH - 2 * MARGIN) / across[0], (height - 2 * MARGIN) / across[1]))
 
@@ -103,7 +103,7 @@ def _names(ends: Sequence[tuple[str, str, float, float]], height: int) -> str:
         height: of the map, px.
     """
     labels = [
-        Label(key=k, anchor=_squares(x - DOT, y - DOT, 2 * DOT, 2 * DOT), texts=(plain(name)[:MOST_LETTERS],))
+        Label(key=k, anchor=_squares(x - DOT, y - DOT, 2 * DOT, 2 * DOT), texts=(plain(name)[:MAX_LETTERS],))
         for k, (name, _, x, y) in enumerate(ends)
     ]
     grid = Grid(

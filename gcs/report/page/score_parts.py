@@ -36,7 +36,7 @@ def _reliability(matched: Matched) -> str:
     """Share of right names over confidence: on the diagonal confidences come true."""
     named = (matched.named > 0) & np.isfinite(matched.confidence)
     confidence, right = matched.confidence[named], (matched.named == matched.truth)[named]
-    points, told = [], []
+    points, rows = [], []
     for low, high in itertools.pairwise(BINS):
         inside = (confidence >= low) & ((confidence < high) | (high == 1.0))
         count = int(inside.sum())
@@ -44,7 +44,7 @@ def _reliability(matched: Matched) -> str:
             continue
         mean, share = float(confidence[inside].mean()), float(right[inside].mean())
         points.append((mean, share, count))
-        told.append((f"{low:g}–{high:g}", str(count), fixed(100 * mean, 1, "%"), fixed(100 * share, 1, "%")))
+        rows.append((f"{low:g}–{high:g}", str(count), fixed(100 * mean, 1, "%"), fixed(100 * share, 1, "%")))
     if not points:
         return ""
     most = max(count for *_, count in points)
@@ -71,7 +71,7 @@ def _reliability(matched: Matched) -> str:
         "</svg>"
     )
     columns = ("confidence", "boxes", "mean confidence", "right")
-    return drawing + table(columns, told, right=columns, caption="Share of right names by confidence")
+    return drawing + table(columns, rows, right=columns, caption="Share of right names by confidence")
 
 
 def _x(value: float) -> float:

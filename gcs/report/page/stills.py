@@ -19,14 +19,14 @@ from gcs.snapshot import Snapshot
 
 Kind = Literal["name", "change", "alarm", "least sure"]
 
-MOST: Final[dict[Kind, int]] = {"name": 4, "change": 4, "alarm": 4, "least sure": 1}
+MAX_STILLS: Final[dict[Kind, int]] = {"name": 4, "change": 4, "alarm": 4, "least sure": 1}
 """Most pictures of each kind, the first that come."""
 SIZES: Final = ((880, 75), (880, 50), (640, 40), (320, 30))
 """Width, px, and JPEG's quality; the first with which a picture is small enough."""
-MOST_BYTES: Final = 100_000
+MAX_BYTES: Final = 100_000
 """Largest picture: thirteen of them and their base64 stay below 2 MB."""
 TOGETHER_US: Final = 1_000_000
-"""Moments of one kind that are so near are one."""
+"""Span within which moments of one kind are one."""
 SETTLED_US: Final = 5_000_000
 """Names are young before, and less sure."""
 SURER: Final = 0.02
@@ -44,7 +44,7 @@ class Stills:
     """Takes snapshots with their images, in order of time, and keeps pictures of some."""
 
     def __init__(self) -> None:
-        self._kept: dict[Kind, list[_Still]] = {kind: [] for kind in MOST}
+        self._kept: dict[Kind, list[_Still]] = {kind: [] for kind in MAX_STILLS}
         self._confirmed: set[int] = set()
         self._alarms: set[tuple[str, str]] = set()
         self._start_us = 0
@@ -77,7 +77,7 @@ class Stills:
                 self._keep("least sure", snapshot, f"the least sure name: {name} ({certainty(least.confidence)})")
 
     def drawn(self, record: FlightSummary) -> str:
-        """All that were kept, in order of time."""
+        """Pictures that were kept, in order of time."""
         stills = sorted((still for kept in self._kept.values() for still in kept), key=lambda still: still.t_us)
         if not stills:
             return empty("No pictures: the recording has no video, or nothing happened in it.")
@@ -85,7 +85,7 @@ class Stills:
 
     def _keep(self, kind: Kind, snapshot: Snapshot, what: str) -> None:
         kept = self._kept[kind]
-        if len(kept) >= MOST[kind] or (kept and snapshot.t_us - kept[-1].t_us < TOGETHER_US):
+        if len(kept) >= MAX_STILLS[kind] or (kept and snapshot.t_us - kept[-1].t_us < TOGETHER_US):
             return
         kept.append(_Still(t_us=snapshot.t_us, what=what, jpeg=_jpeg(snapshot)))
 
@@ -94,7 +94,7 @@ def _jpeg(snapshot: Snapshot) -> bytes:
     for width, quality in SIZES:
         image = draw(snapshot, scale=min(1.0, width / snapshot.width))
         data = cv2.imencode(".jpg", image, [cv2.IMWRITE_JPEG_QUALITY, quality])[1].tobytes()
-        if len(data) <= MOST_BYTES:
+        if len(data) <= MAX_BYTES:
             break
     return data
 

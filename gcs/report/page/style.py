@@ -39,12 +39,12 @@ DARK: Final[Mapping[str, Rgb]] = MappingProxyType(
 )
 """Colours of vehicles on dark pages, as on the dark screens and in films."""
 VEHICLES_LIGHT: Final = ("#005f99", "#a34400", "#006b50", "#99306f", "#6e5200", "#5244a8", "#3a6200", "#6b4636")
-"""Told apart without red, green or blue cones, 4.5 : 1 on the page."""
+"""Colours that are told apart without red, green or blue cones, 4.5 : 1 on the page."""
 VEHICLES_DARK: Final = ("#5cb8ee", "#f7914a", "#33cba1", "#ea9cc8", "#e8be1f", "#aaa0f7", "#9fd353", "#cfab99")
 COLOURS: Final = len(VEHICLES_LIGHT)
-"""Colours of vehicles, ``c0`` to ``c7``; the ninth begins anew, with another dash."""
+"""Colours of vehicles, ``c0`` to ``c7``; the ninth starts again, with another dash."""
 SHARE_STEPS: Final = 20
-"""A bar behind a share is drawn in so many steps, ``b0`` to ``b20``."""
+"""A bar behind a share is drawn in this many steps, ``b0`` to ``b20``."""
 
 
 def _colours(colours: Mapping[str, Rgb], vehicles: tuple[str, ...]) -> str:

@@ -17,16 +17,16 @@ from gcs.report.page.style import COLOURS
 LEFT, WIDTH, RIGHT = 160, CHART_WIDTH, 10
 ROW, GAP = 34, 8
 LOW_ROW, LOW_GAP = 18, 3
-"""Rows of a fleet larger than ``MOST_ROWS``: on paper a drawing must not be longer than a sheet."""
-MOST_ROWS: Final = 16
+"""Rows of a fleet larger than ``MAX_ROWS``: on paper a drawing must not be longer than a sheet."""
+MAX_ROWS: Final = 16
 ALARM_ROW: Final = 22
 NUMBER: Final = 30
 """Wide, of an alarm."""
-MOST_ALARM_ROWS: Final = 8
-MOST_SOURCES: Final = 40
+MAX_ALARM_ROWS: Final = 8
+MAX_SOURCES: Final = 40
 STEPS_S: Final = (1, 2, 5, 10, 15, 30, 60, 120, 300, 600, 900, 1800, 3600, 7200, 14400)
-MOST_TICKS: Final = 9
-MOST_LETTERS: Final = 15
+MAX_TICKS: Final = 9
+MAX_LETTERS: Final = 15
 """Most letters of a name, as many as fit before the axis."""
 
 
@@ -44,7 +44,7 @@ def clock(seconds: float) -> str:
 def draw_timeline(record: FlightSummary) -> str:
     """A row a vehicle: its name's confidence as a curve over a band while it is in view; alarms below."""
     rows, y = [], 10.0
-    height, gap = (ROW, GAP) if len(record.vehicles) <= MOST_ROWS else (LOW_ROW, LOW_GAP)
+    height, gap = (ROW, GAP) if len(record.vehicles) <= MAX_ROWS else (LOW_ROW, LOW_GAP)
     for index, vehicle in enumerate(record.vehicles.values()):
         rows.append(_row(vehicle, y, height, f"c{index % COLOURS}"))
         y += height + gap
@@ -54,7 +54,7 @@ def draw_timeline(record: FlightSummary) -> str:
         since, last = (_x(record, t_us) for t_us in (span.alarm.since_us, span.until_us))
         width = max(last - since, 3.0)
         line = next((k for k, end in enumerate(ends) if end < since), len(ends))
-        if line >= MOST_ALARM_ROWS:
+        if line >= MAX_ALARM_ROWS:
             continue
         ends[line : line + 1] = [since + width + (0 if width > NUMBER else NUMBER)]
         rows.append(_alarm(span, number, since, y + line * ALARM_ROW, width))
@@ -77,13 +77,13 @@ def draw_sources(sources: Sequence[tuple[str, Sequence[tuple[float, float]]]]) -
     Args:
         sources: who, and from and to which seconds of the film.
     """
-    rows = [(whose, spans) for whose, spans in sources if spans][:MOST_SOURCES]
+    rows = [(whose, spans) for whose, spans in sources if spans][:MAX_SOURCES]
     ends = [end for _, spans in rows for span in spans for end in span]
     if not ends or min(ends) == max(ends):
         return ""
     first_s, last_s, bars, y = min(ends), max(ends), [], 10.0
     for index, (whose, spans) in enumerate(rows):
-        bars.append(f'<g class="c{index % COLOURS}"><text x="0" y="{y + 15:.1f}">{words(whose[:MOST_LETTERS])}</text>')
+        bars.append(f'<g class="c{index % COLOURS}"><text x="0" y="{y + 15:.1f}">{words(whose[:MAX_LETTERS])}</text>')
         for since_s, until_s in spans:
             x, until = place(since_s, first_s, last_s), place(until_s, first_s, last_s)
             width = max(until - x, 1.0)
@@ -112,7 +112,7 @@ def _row(vehicle: VehicleRecord, top: float, height: float, kind: str) -> str:
         curves.append(f"M{points[0]}" + (f"L{' '.join(points[1:])}" if points[1:] else "h1"))
     sure = top + height * (1.0 - CONFIRMED)
     return (
-        f'<g class="{kind}"><text x="0" y="{top + height / 2 + 6:.1f}">{words(vehicle.name[:MOST_LETTERS])}</text>'
+        f'<g class="{kind}"><text x="0" y="{top + height / 2 + 6:.1f}">{words(vehicle.name[:MAX_LETTERS])}</text>'
         f'<path d="{"".join(bands)}" fill="currentColor" opacity="0.15"/>'
         f'<path d="M{LEFT} {sure:.1f}H{WIDTH - RIGHT}" stroke="currentColor" stroke-width="0.5" '
         'stroke-dasharray="2 4"/>'
@@ -133,7 +133,7 @@ def _alarm(span: AlarmSpan, number: int, x: float, top: float, width: float) -> 
 
 
 def _runs(flags: np.ndarray) -> list[tuple[int, int]]:
-    """From where to where flags are set."""
+    """Return from where to where flags are set."""
     edges = np.flatnonzero(np.diff(np.concatenate([[False], flags, [False]]).astype(np.int8)))
     return list(zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True))
 
@@ -145,7 +145,7 @@ def _axis(record: FlightSummary, y: float) -> str:
 def axis(first_s: float, last_s: float, y: float) -> str:
     """Lines at round times down to ``y``, and these times below it."""
     span_s = last_s - first_s
-    step_s = next((step for step in STEPS_S if span_s / step <= MOST_TICKS), 86_400 * math.ceil(span_s / 86_400 / 9))
+    step_s = next((step for step in STEPS_S if span_s / step <= MAX_TICKS), 86_400 * math.ceil(span_s / 86_400 / 9))
     ticks = []
     for k in range(math.ceil(first_s / step_s), int(last_s // step_s) + 1):
         x = place(k * step_s, first_s, last_s)

@@ -7,7 +7,7 @@ from types import MappingProxyType
 from typing import Final
 
 from gcs.certainty import certainty
-from gcs.report.page.flight_summary import MOST_CHANGES, FlightSummary, Spread, VehicleRecord
+from gcs.report.page.flight_summary import MAX_CHANGES, FlightSummary, Spread, VehicleRecord
 from gcs.report.page.html import bar, fixed, table, words
 from gcs.report.page.timeline import clock
 from gcs.report.rollcall import RollCallRow
@@ -95,4 +95,4 @@ def _changes(record: FlightSummary, vehicle: VehicleRecord) -> str:
         for t_us, before, after in vehicle.changes
     ]
     more = vehicle.changed - len(told)
-    return ", ".join(told[:MOST_CHANGES]) + (f" and {more} more" if more else "")
+    return ", ".join(told[:MAX_CHANGES]) + (f" and {more} more" if more else "")

@@ -15,8 +15,8 @@ from mavlink.geodesy import LocalFrame
 
 STRENGTH: Final = 0.4
 """Opacity of the picture over the background, 0..1."""
-MOST_TILES: Final = 64
-"""For one picture; a view that needs more is drawn with coarser ones."""
+MAX_TILES: Final = 64
+"""Most tiles for one picture; a view that needs more is drawn with coarser ones."""
 FARTHEST_NORTH_DEG: Final = 85.0
 """Web Mercator has no poles."""
 STEP: Final = 8
@@ -67,7 +67,7 @@ class Basemap:
         """The tiles of a part of the world, (h, w, 4) with 255 where there are any, and where in it the view is."""
         left, top, right, bottom = (math.floor(edge / TILE_PX) for edge in pixels)
         columns, rows = right - left + 1, bottom - top + 1
-        if columns * rows > MOST_TILES:
+        if columns * rows > MAX_TILES:
             return None
         mosaic = np.zeros((rows * TILE_PX, columns * TILE_PX, 4), dtype=np.uint8)
         for row in range(rows):
@@ -111,7 +111,7 @@ def _fitted(mosaic: Image, place: NDArray[np.float64], view: MapView) -> Image:
 
 
 def _packed(pixels: Image, paper: int) -> NDArray[np.int64]:
-    """Over the background as strongly as they may be, in few colours."""
+    """Blend the map over the background as strongly as it may be, in few colours."""
     behind = np.array([paper & 255, paper >> 8 & 255, paper >> 16 & 255], dtype=np.float64)
     share = STRENGTH * pixels[..., 3:].astype(np.float64) / 255.0
     mixed = behind + share * (pixels[..., :3] - behind)

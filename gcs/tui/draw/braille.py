@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 BITS = np.array([[0x01, 0x08], [0x02, 0x10], [0x04, 0x20], [0x40, 0x80]], dtype=np.int64)
 LONGEST = 4096
 FARTHEST = 1e12
-LEAST_STEP = 1e-9
-"""Shorter than this along an axis, in dots, a line is parallel to the edge."""
+MIN_STEP = 1e-9
+"""Extent along an axis, in dots, below which a line is parallel to the edge."""
 
 Inks = int | NDArray[np.int64]
 """Packed 0xRRGGBB of all, or of each."""
@@ -75,12 +75,12 @@ class BrailleCanvas:
         self, start: NDArray[np.float64], step: NDArray[np.float64]
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """(k,) shares of lines at which each enters and leaves the grid (Liang–Barsky); enters last: it never does."""
-        step = np.where(np.abs(step) < LEAST_STEP, LEAST_STEP, step)
+        step = np.where(np.abs(step) < MIN_STEP, MIN_STEP, step)
         low, high = -start / step, ((2.0 * self.columns, 4.0 * self.rows) - start) / step
         return np.minimum(low, high).max(axis=1, initial=0.0), np.maximum(low, high).min(axis=1, initial=1.0)
 
     def polygon(self, corners: NDArray[np.float64], ink: int, every: float = 1.0) -> None:
-        """A closed outline through (k, 2) corners."""
+        """Draw a closed outline through (k, 2) corners."""
         self.lines(corners, np.roll(corners, -1, axis=0), ink, every)
 
     def circles(self, centres: NDArray[np.float64], radii: NDArray[np.float64], ink: int) -> None:
@@ -94,6 +94,6 @@ class BrailleCanvas:
 
 
 def _spread(counts: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """The line of each dot, where each line has so many, and how many of its dots come before."""
+    """The line of each dot, where each line has this many, and how many of its dots come before."""
     which = np.repeat(np.arange(len(counts)), counts)
     return which, np.arange(len(which)) - np.repeat(np.cumsum(counts) - counts, counts)

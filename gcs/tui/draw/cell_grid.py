@@ -22,7 +22,7 @@ CACHE_SIZE = 24_576
 
 
 class CellGrid:
-    """Letter, ink and paper of every cell."""
+    """Grid of cells: the letter of each, its foreground (ink) and its background (paper)."""
 
     def __init__(self, columns: int, rows: int, paper: int, *, depth: Depth | None = None) -> None:
         """Make an empty grid.

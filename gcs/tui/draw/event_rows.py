@@ -15,7 +15,7 @@ CHATTER: Final = "text"
 """The kind of events that vehicles word themselves: of these alone a run is folded."""
 WAYPOINT: Final = "waypoint"
 REACHED: Final = re.compile(r"reached waypoint #(\d{1,6})(?:–(\d{1,6}))?", re.IGNORECASE)
-MOST_ON_THEIR_WAY: Final = 4
+MAX_ON_THEIR_WAY: Final = 4
 """Vehicles that have a row each for their waypoints."""
 GONE: Final = re.compile(r"track \d+ is no longer (?P<name>.+?): (?P<why>.+)")
 GIVEN: Final = re.compile(r"track \d+ is (?P<name>.+ \(\d+%\))")
@@ -67,7 +67,7 @@ def rows_of(events: Sequence[Event]) -> list[EventRow]:
     """One row for a run of equal events, and one for a vehicle's texts that differ in numbers only.
 
     Texts of other vehicles may lie within such a run, which stands at its newest event; another event of the same
-    vehicle ends it, but for waypoints, which are one row of all where more than ``MOST_ON_THEIR_WAY`` vehicles reached
+    vehicle ends it, but for waypoints, which are one row of all where more than ``MAX_ON_THEIR_WAY`` vehicles reached
     some. Alarms are never folded into other alarms: only equal ones, one after the other, are counted.
     """
     runs: list[_EventRun | None] = []
@@ -87,11 +87,11 @@ def rows_of(events: Sequence[Event]) -> list[EventRow]:
 
 
 def _as_a_fleet(rows: list[EventRow]) -> list[EventRow]:
-    """The same with one row, the newest, in place of those in which many vehicles reached waypoints."""
+    """Return the rows with one, the newest, in place of those in which many vehicles reached waypoints."""
     reached = [row for row in rows if _is_on_its_way(row.event) and REACHED.search(row.event.text)]
     reached = [row for row in reached if row.event.level == "info" and not row.event.reported]
     vehicles = {row.event.system_id for row in reached}
-    if len(vehicles) <= MOST_ON_THEIR_WAY:
+    if len(vehicles) <= MAX_ON_THEIR_WAY:
         return rows
     numbers = [int(n) for row in reached for match in REACHED.finditer(row.event.text) for n in match.groups() if n]
     least, most = min(numbers), max(numbers)
@@ -139,7 +139,7 @@ def _is_chatter(event: Event) -> bool:
 
 
 Numbers = tuple[tuple[float, str], ...]
-"""Those of a text in order, each with its letters."""
+"""Numbers in a text in order, each with its letters."""
 
 
 @lru_cache(maxsize=4096)

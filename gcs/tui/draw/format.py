@@ -16,13 +16,13 @@ from gcs.snapshot import Box, Reported, Snapshot, Standing, VehicleRow
 from infra.plain_text import plain
 
 NOT_ANALYSED: Final = "not analysed yet"
-"""In place of all that is not known of a place of a recording."""
+"""Text in place of all that is not known of a place of a recording."""
 REPORTED_WORDS: Final[Mapping[Reported, str]] = {"": "", "then": "then: ", "now": "now recomputed: "}
-"""Before what only the flight reported, and what only the replay of it does."""
+"""Words before what only the flight reported, and what only the replay of it does."""
 
 
 def age(seconds: float) -> str:
-    """At most five letters: ``0.2s``, ``42s``, ``12m``, ``3h``, ``never``; ``–`` for NaN."""
+    """Format an age in at most five letters: ``0.2s``, ``42s``, ``12m``, ``3h``, ``never``; ``–`` for NaN."""
     if math.isnan(seconds):
         return "–"
     if math.isinf(seconds):
@@ -50,7 +50,8 @@ def standing_word(standing: Standing) -> str:
 
 
 def as_far_as_known(snapshot: Snapshot, text: str) -> str:
-    """The same of a provisional place, of which the last seconds before it alone are known: nothing is never there."""
+    """Return the word for a provisional place, of which the last seconds before it alone are known: nothing is never
+    there."""
     if not snapshot.provisional:
         return text
     return (
@@ -93,7 +94,7 @@ def number(value: float, unit: str, digits: int = 1) -> str:
 
 
 def metres(value: float) -> str:
-    """At most six letters: ``0.4 m``, ``235 m``, ``7.9 km``; ``–`` for NaN or infinity."""
+    """Format a distance in at most six letters: ``0.4 m``, ``235 m``, ``7.9 km``; ``–`` for NaN or infinity."""
     if abs(value) < 99.95:
         return number(value, "m")
     return number(value, "m", 0) if abs(value) < 999.5 else number(value / 1000, "km", int(abs(value) < 9950))

@@ -18,7 +18,8 @@ Freshness = Literal["fresh", "old", "gone"]
 """``fresh`` is shown as it is, ``old`` dimmed and with its age where there is room, ``gone`` not at all."""
 
 GONE_S: Final = 60.0
-"""At 1 m/s a vehicle has left the picture by then, and its mode may have changed: nothing of it holds any more."""
+"""Age beyond which a value is not shown: at 1 m/s a vehicle has left the picture by then, and its mode may have
+changed."""
 USABLE_M: Final = 100.0
 """A wider 1σ is larger than what most pictures show of the ground: no place is known."""
 UNKNOWN: Final = "–"
@@ -37,14 +38,7 @@ def freshness(age_s: float, *, fresh_s: float = SILENT_S) -> Freshness:
 
 
 def aged(text: str, colour: Colour, age_s: float, width: int) -> tuple[str, Colour]:
-    """A value as it looks at its age.
-
-    Args:
-        text: The value, or ``–`` for none.
-        colour: While it is fresh.
-        age_s: Of the value.
-        width: Cells; an old value has its age behind it where both fit.
-    """
+    """Return a value and its colour as they are drawn at its age."""
     state = freshness(age_s)
     if state == "fresh":
         return text, colour

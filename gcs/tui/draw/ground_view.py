@@ -57,7 +57,7 @@ class MapView:
         return replace(self, east=self.east + 2 * columns * step, north=self.north - 4 * rows * step)
 
     def zoomed(self, steps: int, column: int, row: int) -> MapView:
-        """Closer (positive) or farther, with the same ground in a cell as before."""
+        """Return the view closer (positive) or farther, with the same ground in a cell as before."""
         scale = step_scale(self.metres_per_dot, -steps)
         held, ratio = self.ground(column, row), scale / self.metres_per_dot
         east, north = held + (np.array([self.east, self.north]) - held) * ratio

@@ -56,7 +56,7 @@ NOSE_DOTS: Final = 7.0
 """Length of the line that shows a heading; the first two or three dots are under the mark."""
 UAV_NOSE_DOTS: Final = 11.0
 REACH: Final = 4.0
-"""Cells from a mark that a click may be."""
+"""Distance from a mark at which a click still picks it, cells."""
 LONGEST_UAV_NAME: Final = 16
 GAP: Final = 2
 """Cells between texts of the last row."""
@@ -180,7 +180,7 @@ def map_labels(
         own = uav_name if mark.system_id == snapshot.vehicles[0].system_id and mark.glyph == UAV_MARK else shown.name
         before = "!" if mark.system_id in doubted else ""
         texts = tuple(dict.fromkeys(f"{before}{name}{word}" for name in (own, shown.short)))
-        stressed = bool(selected) and mark.system_id == selected
+        highlighted = bool(selected) and mark.system_id == selected
         labels.append(
             Label(
                 key=mark.system_id,
@@ -188,7 +188,7 @@ def map_labels(
                 texts=texts,
                 legend=shown.legend,
                 short=len(texts) - 1,
-                stressed=stressed,
+                highlighted=highlighted,
             )
         )
     grid = Grid(columns=view.columns, rows=view.rows, measure=measure_cells)

@@ -38,13 +38,13 @@ class Ruler:
     """None, one or two places."""
 
     def picked(self) -> Ruler:
-        """With the place under the cursor; a third one begins anew."""
+        """Return the ruler with the place under the cursor; a third one starts again."""
         if self.cursor is None:
             return self
         return Ruler(cursor=self.cursor, picks=(*self.picks, self.cursor) if len(self.picks) < 2 else (self.cursor,))
 
     def shifted(self, east: float, north: float) -> Ruler:
-        """The same places about another origin."""
+        """Return the ruler with the same places about another origin."""
         cursor, *picks = [place and (place[0] + east, place[1] + north) for place in (self.cursor, *self.picks)]
         return Ruler(cursor=cursor, picks=tuple(place for place in picks if place))
 
@@ -74,20 +74,20 @@ def ruler_texts(ruler: Ruler, snapshot: Snapshot) -> list[str]:
 
 
 def draw_ruler(dots: BrailleCanvas, ruler: Ruler, view: MapView) -> None:
-    """A dotted line between what is measured."""
+    """Draw a dotted line between what is measured."""
     if ruler.ends is not None:
         start, end = view.dots(np.array(ruler.ends))
         dots.line(start, end, pack(BRIGHT), every=2.0)
 
 
 def draw_fences(dots: BrailleCanvas, snapshot: Snapshot, view: MapView) -> None:
-    """The mission's fences."""
+    """Draw the mission's fences."""
     for outline in snapshot.fence_enu:
         dots.polygon(view.dots(outline), pack(WARN), every=FENCE_EVERY)
 
 
 def draw_trails(dots: BrailleCanvas, trails: Sequence[Trail], view: MapView, inks: Mapping[int, int]) -> None:
-    """The oldest first, fading into the background."""
+    """Draw the trails, the oldest first, fading into the background."""
     starts, ends, faded = [], [], []
     for trail in trails:
         if trail.system_id in inks and len(trail.age) > 1:

@@ -19,15 +19,15 @@ Grain = Literal["halves", "sextants", "octants"]
 """Division of a cell into parts."""
 HALF: Final = ord("▀")
 ROWS_EACH: Final = 4
-"""A row of the result is the mean of at least so many of a larger image."""
+"""Least number of a larger image's rows of which each row of the result is the mean."""
 FINER: Final = 2
-"""It is sharpened at so many times the size that is shown."""
+"""Factor of the size at which the image is sharpened, on the size that is shown."""
 SHARPER: Final = 0.7
 """Share of what a blur takes away that is added once more; raised, edges get halos."""
 LUMA_STEP: Final = 8
 CHROMA_STEP: Final = 12
 PLAIN_LEVELS: Final = 9
-"""A cell whose brightness differs by less, of 255, is of one colour: its pattern would be noise."""
+"""Difference of brightness, of 255, below which a cell is of one colour: its pattern would be noise."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -6,16 +6,16 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 Rect = tuple[int, int, int, int]
-"""Left, top, width, height in cells."""
+"""Rectangle of cells: left, top, width, height."""
 
 PANES = ("video", "map", "fleet", "identity", "events")
 FLEET_WIDTHS = (35, 40, 50, 59, 69, 78)
 """Widths at which one more column of the fleet table fits."""
 TALLER = 1.3
-"""The video is so much higher than its frame where there is room: a part of the frame fills it."""
+"""The video is this much higher than its frame where there is room: a part of the frame fills it."""
 FLEET_SHARE = 0.42
 """Share of the width that the table may take beside a view."""
-LEAST_IDENTITY_ROWS = 6
+MIN_IDENTITY_ROWS = 6
 IDENTITY_ROWS, MORE_IDENTITY_ROWS = 13, 24
 """Rows for who, how sure, what against, where and what to do; on tall screens for what else is known too."""
 TALL = 46
@@ -64,13 +64,7 @@ def default_panes(layout: int, width: int, height: int) -> frozenset[str]:
 
 
 def arranged(width: int, height: int, state: LayoutState) -> Mapping[str, Rect]:
-    """Rectangles of the panes that find room.
-
-    Args:
-        width: Of the field, cells.
-        height: Of the field, cells.
-        state: Layout and switched panes.
-    """
+    """Rectangles of the panes that find room."""
     if width <= 0 or height <= 0:
         return {}
     if state.maximised:
@@ -106,8 +100,8 @@ def _main(width: int, height: int, state: LayoutState, shown: frozenset[str]) ->
 
 
 def _hides_vehicles(height: int, state: LayoutState) -> bool:
-    """Tell whether a map below the table takes rows of it, or has too few for the names of so many vehicles."""
-    return height - (state.fleet_rows + 1) - LEAST_IDENTITY_ROWS < max(CHART_ROWS, state.fleet_rows // ROWS_OF_NAMES)
+    """Tell whether a map below the table takes rows of it, or has too few for the names of this many vehicles."""
+    return height - (state.fleet_rows + 1) - MIN_IDENTITY_ROWS < max(CHART_ROWS, state.fleet_rows // ROWS_OF_NAMES)
 
 
 def _beside(width: int, height: int, state: LayoutState, shown: frozenset[str]) -> dict[str, Rect]:
@@ -153,7 +147,7 @@ def _heights(panes: list[str], width: int, height: int, state: LayoutState) -> d
         "video": CHART_ROWS,
         "map": CHART_ROWS,
         "fleet": min(state.fleet_rows + 1, max(4, height // 2)),
-        "identity": LEAST_IDENTITY_ROWS,
+        "identity": MIN_IDENTITY_ROWS,
         "events": EVENT_ROWS,
         "alarms": min(ALARM_ROWS, max(EVENT_ROWS, height // 3)),
     }

@@ -97,8 +97,8 @@ def _cell_size(replies: str) -> tuple[int, int]:
         rows, columns, wide, high = struct.unpack("4H", size)
         if rows and columns and wide >= columns and high >= rows:
             return wide // columns, high // rows
-    told = CELL_REPLY.search(replies)
-    return (max(1, int(told[2])), max(1, int(told[1]))) if told else USUAL_CELL
+    reply = CELL_REPLY.search(replies)
+    return (max(1, int(reply[2])), max(1, int(reply[1]))) if reply else USUAL_CELL
 
 
 def _textual_image(cell: tuple[int, int]) -> Any:  # noqa: ANN401  textual-image's module
@@ -143,11 +143,7 @@ def _shows_inline(environ: Mapping[str, str]) -> bool:
 
 
 def inline_image(image: Any) -> str:  # noqa: ANN401  Pillow's
-    """An image as iTerm2's control sequence (OSC 1337), in its own size; the cursor may move by it.
-
-    Args:
-        image: of Pillow.
-    """
+    """An image as iTerm2's control sequence (OSC 1337), in its own size; the cursor may move by it."""
     file = io.BytesIO()
     image.convert("RGB").save(file, "JPEG", quality=QUALITY)
     data = file.getvalue()

@@ -29,7 +29,7 @@ def blank(width: int, paper: Colour = PANEL) -> Strip:
 
 
 def clickable(part: Part, action: str) -> Part:
-    """The same part, that runs an action of Textual when it is clicked."""
+    """Return the part with an action of Textual that runs when it is clicked."""
     text, style = part
     return text, style + Style.from_meta({"@click": action})
 

@@ -67,12 +67,7 @@ def _numbers(text: str) -> Version:
 
 
 def ask_version(reads: int, writes: int) -> str:
-    """Reply of a terminal to XTVERSION, such as ``kitty(0.40.1)``; empty when it does not.
-
-    Args:
-        reads: file descriptor of its input.
-        writes: of its output.
-    """
+    """Reply of a terminal to XTVERSION, such as ``kitty(0.40.1)``; empty when it does not."""
     found = VERSION.search("".join(ask(reads, writes, QUESTION)))
     return found[1] if found else ""
 

@@ -34,7 +34,7 @@ from infra.plain_text import plain
 NO_VIDEO = "no video"
 
 SMALLEST_DOTS = 3.0
-"""A box counts as at least this long, else its frame is a speck on a small screen."""
+"""Least size of a box, dots: smaller ones would be specks on a small screen."""
 CLEAR_DOTS = 1.5
 """Gap between a box and the frame round it."""
 FRONT_DOTS = 3.5
@@ -46,11 +46,11 @@ CORNERS = np.array([(-0.5, -0.5), (0.5, -0.5), (0.5, 0.5), (-0.5, 0.5)])
 DOTS = np.array([2, 4])
 """Across and down a cell."""
 
-LEAST_FIELD = (24, 8)
+MIN_FIELD = (24, 8)
 """Columns and rows of a field that has room for an inset."""
 
 _packed = partial(pack, theme=DARK)
-"""Whatever the theme, the picture has the colours of the exported video: light ones on dark labels."""
+"""Pack a colour of the exported video, whatever the theme: light ones on dark labels."""
 
 
 def video_cells(
@@ -95,7 +95,7 @@ def video_inset(
     snapshot: Snapshot, selected: int, columns: int, rows: int, track: int = 0, former: Inset | None = None
 ) -> Inset | None:
     """Area where ``video_cells`` enlarges the picked vehicle, None where that is not known or there is no room."""
-    if snapshot.width <= 0 or snapshot.height <= 0 or columns < LEAST_FIELD[0] or rows < LEAST_FIELD[1]:
+    if snapshot.width <= 0 or snapshot.height <= 0 or columns < MIN_FIELD[0] or rows < MIN_FIELD[1]:
         return None
     boxes = boxes_in_order(snapshot, selected, track)
     marks = list(zip(boxes, _anchors(snapshot, boxes, columns, rows), strict=True))
@@ -238,7 +238,7 @@ def _frames(
     inks: NDArray[np.int64],
     dotted: Sequence[bool],
 ) -> None:
-    """The corners of frames alone; all of the sides, in dots, of those of which nothing new is known."""
+    """Draw the corners of frames alone; all of the sides, in dots, of those of which nothing new is known."""
     corners = middle[:, None] + (CORNERS * size[:, None]) @ turn
     reach, every = np.where(dotted, 0.5, BRACKET)[:, None, None], np.where(dotted, 2.0, 1.0)
     # from each corner towards the one before and the one after
@@ -251,7 +251,7 @@ def _frames(
 def _fronts(
     dots: BrailleCanvas, boxes: Sequence[Box], scale: float, origin: NDArray[np.float64], inks: NDArray[np.int64]
 ) -> None:
-    """A line ahead of each front that is known."""
+    """Draw a line ahead of each front that is known."""
     ticks = np.array([front_mark(box, reach=1.0) for box in boxes])
     way = ticks[:, 1] - ticks[:, 0]
     ahead = way / np.maximum(np.hypot(way[:, 0], way[:, 1]), 1e-6)[:, None]

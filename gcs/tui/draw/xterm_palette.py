@@ -32,7 +32,7 @@ SIXTEEN: Final = np.array(
 )
 """(16, 3) RGB of the sixteen as xterm has them; a user may have chosen others, and their order of brightness holds."""
 GREYS_OF_SIXTEEN: Final = np.array([0x000000, 0x7F7F7F, 0xE5E5E5, 0xFFFFFF], dtype=np.int64)
-"""Those of the sixteen without a hue, the darkest first."""
+"""Colours of the sixteen without a hue, the darkest first."""
 CUT: Final = (2.0, 98.0)
 """Percentiles of the brightness that become black and white: of four greys a flat picture would show one."""
 LUMA_BGR: Final = np.array([0.114, 0.587, 0.299], dtype=np.float32)

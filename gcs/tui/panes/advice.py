@@ -27,7 +27,7 @@ ADVICE: Final[Mapping[Standing, str]] = MappingProxyType(
         "no new frame": "check the camera and its link",
     }
 )
-"""While no alarm says more."""
+"""Advice by standing, while no alarm says more."""
 UNHEARD: Final = "switch it on; check its system id and its key against the mission"
 """Advice about a vehicle that was never heard."""
 

@@ -25,13 +25,13 @@ ADVICE_INDENT: Final = "    "
 HANGING_FROM: Final = 60
 """Narrower panes have what is wrong over their whole width, below since when."""
 CUT: Final = "    … z: the whole screen"
-"""In place of the last row of an alarm that is longer than the pane is high."""
+"""Text in place of the last row of an alarm that is longer than the pane is high."""
 WORDS: Final = {"alarm": "!! ALARM", "warning": "!  WARN "}
 ALARMS_UNKNOWN: Final = "alarms of this place are not known yet"
-"""In place of ``no alarms`` where a replay's analysis has not come by."""
+"""Text in place of ``no alarms`` where a replay's analysis has not come by."""
 Group = tuple[Alarm, ...]
-"""At least one, the worst first: the same of several vehicles, or several troubles of one: a lost link is not twenty
-rows, a vehicle in trouble is not five."""
+"""Alarms shown as one, the worst first: the same of several vehicles, or several troubles of one: a lost link is not
+twenty rows, a vehicle in trouble is not five."""
 Seen = frozenset[tuple[str, int, str]]
 """Acknowledged alarms: key, since when, level. One that comes again, or gets worse, is a new one."""
 
@@ -90,15 +90,15 @@ class AlarmPane(Pane):
 
     @property
     def groups(self) -> tuple[Group, ...]:
-        """The same, put together where several vehicles have the same trouble, or one vehicle has several."""
+        """Alarms put together where several vehicles have the same trouble, or one vehicle has several."""
         return alike(self.alarms)
 
     def watch_seen(self) -> None:
-        """Some were acknowledged."""
+        """Draw again when some were acknowledged."""
         self.redraw()
 
     def action_move(self, steps: int) -> None:
-        """The alarm above or below."""
+        """Move to the alarm above or below."""
         self._at = min(max(self._at + steps, 0), max(0, len(self.groups) - 1))
         self.redraw()
 
@@ -113,7 +113,7 @@ class AlarmPane(Pane):
             self.post_message(VehiclePicked(group[0].system_id))
 
     def acknowledge(self, alarms: Iterable[Alarm]) -> None:
-        """These have been seen; the station is given those that had not."""
+        """Acknowledge alarms; the station is given those that had not been."""
         if fresh := unseen(alarms, self.seen):
             self.seen = self.seen | {token(alarm) for alarm in fresh}
             self.post_message(AlarmsSeen(tuple(fresh)))
@@ -133,7 +133,7 @@ class AlarmPane(Pane):
         return [(hint, ink(FAINT, HEAD)), *count_parts(loud, quiet)]
 
     def body(self, width: int, height: int) -> list[Strip]:
-        """The worst first; scrolled to the mark."""
+        """Draw the alarms, the worst first; scrolled to the mark."""
         if self.snapshot is None:
             return []
         groups = self.groups
@@ -171,10 +171,10 @@ class AlarmPane(Pane):
         first = folded(text, max(1, width - len(head)))[0]
         rest = text[len(first) :].lstrip()
         more = folded(rest, max(1, width - len(indent))) if rest else []
-        said = ink(FAINT if known else BRIGHT, paper)
+        text_ink = ink(FAINT if known else BRIGHT, paper)
         advised = ink(ACCENT if marked else INK if not known else FAINT, paper)
-        lines: list[list[Part]] = [[(head, ink(colour, paper, bold=not known)), (first, said)]]
-        lines += [[(indent, said), (each, said)] for each in more]
+        lines: list[list[Part]] = [[(head, ink(colour, paper, bold=not known)), (first, text_ink)]]
+        lines += [[(indent, text_ink), (each, text_ink)] for each in more]
         advice = folded(plain(advice_of(group)), max(1, width - len(ADVICE_INDENT)))
         lines += [[(ADVICE_INDENT, advised), (each, advised)] for each in advice]
         return [line(parts, width, paper) for parts in lines]

@@ -140,7 +140,7 @@ class Banner(Widget):
         return line([(fitted(text, width - len(hint)), style), (hint, style)], width, paper)
 
     async def on_click(self) -> None:
-        """All alarms."""
+        """Show all alarms."""
         await self.run_action("app.pane('alarms')")
 
 

@@ -25,7 +25,7 @@ from mavlink.state import Level
 FILTERS: Final[tuple[Level, ...]] = ("info", "warning", "alarm")
 LEVEL_LABELS: Final = {"info": "all", "warning": "warnings", "alarm": "alarms"}
 MARKS: Final = {"info": "  ", "warning": "! ", "alarm": "!!"}
-MOST: Final = 2000
+MAX_EVENTS: Final = 2000
 GLYPHS: Final[Mapping[str, str]] = MappingProxyType(
     {
         "link": "⇄",
@@ -114,13 +114,13 @@ class EventPane(Pane):
         """Rows that may be on screen: not of a replay's future, of the newest few thousand events."""
         until_us = None if self._live or self.snapshot is None else self.snapshot.now_us
         past = [event for event in self.all_events if until_us is None or event.t_us <= until_us]
-        look = (past[-MOST:], self.least, self.words)
+        look = (past[-MAX_EVENTS:], self.least, self.words)
         if look != self._look:  # to search and fold takes longer than to draw
             self._look, self._shown = look, rows_of(self.filtered(look[0]))
         return self._shown
 
     def next_filter(self) -> None:
-        """All, warnings and alarms, alarms only, all …"""
+        """Go on to the next filter: all, warnings and alarms, alarms only, all …"""
         self.least = FILTERS[(FILTERS.index(self.least) + 1) % len(FILTERS)]
 
     def action_scroll_by(self, rows: int) -> None:
@@ -130,16 +130,16 @@ class EventPane(Pane):
         self.redraw()
 
     def watch_all_events(self) -> None:
-        """Something happened."""
+        """Draw again when something happened."""
         self.redraw()
 
     def watch_least(self) -> None:
-        """Another filter begins at the newest event."""
+        """Go to the newest event when the filter changes."""
         self._back = 0
         self.redraw()
 
     def watch_words(self) -> None:
-        """Another search begins at the newest event."""
+        """Go to the newest event when the search changes."""
         self._back = 0
         self.redraw()
 
@@ -221,7 +221,7 @@ class EventPane(Pane):
         """One row; while the log has the focus, as many as the text needs."""
         names = tuple(each.name for each in self.snapshot.vehicles) if self.snapshot is not None else ()
         kept_for = width, self.has_focus, names, ink()
-        if kept_for != self._kept_for or len(self._kept) > MOST:
+        if kept_for != self._kept_for or len(self._kept) > MAX_EVENTS:
             self._kept, self._kept_for = {}, kept_for
         ours = bool(self.selected) and row.event.system_id == self.selected
         if (row, ours) not in self._kept:

@@ -21,7 +21,7 @@ NONE_FOUND = "no vehicle of that name or id"
 
 
 class FindLine(Horizontal):
-    """Picks the vehicle that is meant at every letter, so that the answer is on screen before the name is whole.
+    """Line that picks a vehicle while its name is typed, at every letter; it closes when it loses the focus.
 
     It is gone with the focus.
 
@@ -44,13 +44,13 @@ class FindLine(Horizontal):
         super().__init__(id="find")
         self._fleet, self._hints, self._before = fleet, hints, before
         self._focused: Widget | None = None
-        self._told = Static(Text(HINT, ink(FAINT, PANEL)), markup=False)
+        self._hint = Static(Text(HINT, ink(FAINT, PANEL)), markup=False)
 
     def compose(self) -> ComposeResult:
         """Key, what is typed, and what that is."""
         yield Static(Text(" / ", ink(ACCENT, PANEL, bold=True)), markup=False)
         yield Input(select_on_focus=False, compact=True)
-        yield self._told
+        yield self._hint
 
     def on_mount(self) -> None:
         """Take the keys from the hints."""
@@ -63,19 +63,19 @@ class FindLine(Horizontal):
         words, snapshot = event.value.strip(), self._fleet.snapshot
         row = found(self._fleet.in_order(snapshot), words) if words and snapshot is not None else None
         nobody = bool(words) and row is None
-        self._told.update(Text(NONE_FOUND if nobody else HINT, ink(WARN if nobody else FAINT, PANEL)))
+        self._hint.update(Text(NONE_FOUND if nobody else HINT, ink(WARN if nobody else FAINT, PANEL)))
         self.post_message(VehiclePicked(*(self._before if row is None else (row.system_id, 0))))
 
     def on_input_submitted(self) -> None:
-        """It stays picked."""
+        """Keep what was found picked."""
         self.screen.set_focus(self._focused)
 
     def action_leave(self) -> None:
-        """Back to what was picked before."""
+        """Go back to what was picked before."""
         self.post_message(VehiclePicked(*self._before))
         self.screen.set_focus(self._focused)
 
     def on_descendant_blur(self) -> None:
-        """Keys are for the panes again."""
+        """Give the keys back to the panes."""
         self._hints.display = True
         self.remove()

@@ -54,7 +54,7 @@ from mavlink.transmit.message_rates import LOSSY
 IDENTITY, IDENTITY_CELLS = "IDENTITY", 15
 MARKS: Final = {"info": "  ", "warning": " !", "alarm": "!!"}
 GUTTER_CELLS: Final = 3
-"""Before each row: the mark of its worst alarm, and that of the picked row."""
+"""Cells before each row: the mark of its worst alarm, and that of the picked row."""
 NARROW: Final = 40
 """Narrower tables have a shorter identity and link."""
 Cell = tuple[str, Colour]
@@ -123,7 +123,7 @@ def _view(row: VehicleRow) -> Cell:
 
 
 def _link(row: VehicleRow) -> Cell:
-    """For how long it is silent, else how much arrives: ``▆ ok``, ``▄ 9%`` lost."""
+    """Format for how long a link is silent, else how much arrives: ``▆ ok``, ``▄ 9%`` lost."""
     if math.isinf(row.heartbeat_age_s):
         return UNKNOWN, FAINT
     if row.heartbeat_age_s > SILENT_S:
@@ -131,11 +131,11 @@ def _link(row: VehicleRow) -> Cell:
     if not math.isfinite(row.loss):
         return f"{BARS[-1]} ok", INK
     bars = BARS[max(0, len(BARS) - 1 - sum(row.loss > limit for limit in LOSSES))]
-    return f"{bars} {percent(row.loss) if row.loss >= LEAST_LOSS else 'ok'}", WARN if row.loss > LOSSY else INK
+    return f"{bars} {percent(row.loss) if row.loss >= MIN_LOSS else 'ok'}", WARN if row.loss > LOSSY else INK
 
 
 def _link_and_position(row: VehicleRow) -> Cell:
-    """The same, and what is wrong with its position, where that has no column: ``pos 46s`` old."""
+    """Format the link, and what is wrong with the position, where that has no column: ``pos 46s`` old."""
     if row.heartbeat_age_s > SILENT_S or row.position_state in ("ok", "never"):
         return _link(row)
     text, colour = _position(row)
@@ -157,7 +157,7 @@ def _auth(row: VehicleRow) -> Cell:
 
 
 def _refusals(row: VehicleRow) -> Cell:
-    """The most frequent reason, and all together."""
+    """Format the most frequent reason, and the number of all."""
     if not row.refusals:
         return UNKNOWN, FAINT
     reason = max(row.refusals, key=row.refusals.__getitem__)
@@ -165,7 +165,7 @@ def _refusals(row: VehicleRow) -> Cell:
 
 
 def _many(count: int) -> str:
-    """At most four letters."""
+    """Format a count in at most four letters."""
     return str(count) if count < 10_000 else f"{count // 1000}k" if count < 1_000_000 else f"{count // 1_000_000}M"
 
 
@@ -178,7 +178,7 @@ def _identity(row: VehicleRow) -> Cell:
 
 
 def _height(row: VehicleRow, snapshot: Snapshot) -> Cell:
-    """In the UAV's row: how far above the ground it is, or without a camera above the middle of the fleet."""
+    """Format, in the UAV's row, how far above the ground it is, or without a camera above the middle of the fleet."""
     heights = [float(each.p_enu[2]) for each in snapshot.vehicles if each.role == "ugv"]
     below = [snapshot.camera.ground_z] if snapshot.camera is not None else [z for z in heights if math.isfinite(z)]
     up = float(row.p_enu[2]) - statistics.median(below) if below else math.nan
@@ -187,7 +187,7 @@ def _height(row: VehicleRow, snapshot: Snapshot) -> Cell:
 
 
 def _name(row: VehicleRow) -> Cell:
-    """Its name, the fainter the older what it reports."""
+    """Cell with the vehicle's name, the fainter the older what it reports."""
     silent = not row.heartbeat_age_s <= SILENT_S
     return plain(row.name), FAINT if silent else BRIGHT if row.position_state == "ok" else INK
 
@@ -195,8 +195,8 @@ def _name(row: VehicleRow) -> Cell:
 BARS: Final = "▁▂▄▆"
 LOSSES: Final = (0.02, 0.10, 0.30)
 """Shares of packets lost from which a link has a bar less; the second is where operators are warned."""
-LEAST_LOSS: Final = 0.005
-"""Less is shown as none."""
+MIN_LOSS: Final = 0.005
+"""Least loss that is shown."""
 NAME = Column(title="NAME", width=6, rank=0, cell=_name)
 POSITION: Final = "POS"
 LINK = Column(title="LINK", width=8, rank=1, cell=_link_and_position)
@@ -269,7 +269,8 @@ def columns_for(
 
 
 def _kept(columns: Sequence[Column], width: int) -> tuple[Column, ...]:
-    """Those that fit, in order; what is wrong with a position is told by its own column, else by the link's."""
+    """Return the columns that fit, in order; what is wrong with a position is shown by its own column, else by the
+    link's."""
     kept: list[Column] = []
     room = width - GUTTER_CELLS  # the first column has no gap before it, and the last one a margin behind it
     for column in sorted(columns, key=lambda column: column.rank):
@@ -290,7 +291,7 @@ def _name_cells(columns: Sequence[Column], width: int) -> int:
 
 
 def _narrowed(column: Column) -> Column:
-    """The same with what can be left out of it left out."""
+    """Return the columns without what can be left out."""
     if column.title == IDENTITY:
         return replace(
             column,
@@ -330,7 +331,7 @@ class FleetPane(Pane):
         return ordered(snapshot, by_trouble=self.by_trouble)
 
     def watch_by_trouble(self) -> None:
-        """Another order begins at the top."""
+        """Go to the top when the order changes."""
         self._first = 0
         self.redraw()
 

@@ -1,6 +1,7 @@
 """The identity pane: who the picked vehicle or box is, how sure, and what to do.
 
-It has since when, what speaks against that, where it should be, and who else it may be, too."""
+It also shows since when that is so, what speaks against it, where the vehicle should be, and who else the box may be.
+"""
 
 from __future__ import annotations
 
@@ -58,10 +59,10 @@ from infra.plain_text import plain
 from mavlink.state import SILENT_S
 
 STANDINGS: Final[tuple[Standing, ...]] = get_args(Standing)
-"""In the order in which they are counted."""
+"""Standings in the order in which they are counted."""
 MARGIN = 1
 """Cells kept free at the right."""
-MOST_ROWS = 60
+MAX_ROWS = 60
 NAME_CELLS = 13
 """Width of what is before a fact."""
 BAR_CELLS, SHORT_BAR_CELLS = 8, 4
@@ -69,8 +70,8 @@ ROOMY_CELLS = 36
 """Width of a candidate's bar: the short one in a pane narrower than the last."""
 WITHOUT_NAME: Final[tuple[Standing, ...]] = ("unidentified", "misplaced", "no position", "out of view")
 """Standings of vehicles that no box is while there is a picture, first those that should be in it."""
-MOST_WITHOUT_NAME: Final = 6
-"""Vehicles told of with the reason; the rest is counted."""
+MAX_WITHOUT_NAME: Final = 6
+"""Most vehicles that are listed with the reason; the rest is counted."""
 NEVER_HEARD: Final = "never heard"
 PLACES: Final = (("upper left", "top", "upper right"), ("left", "", "right"), ("lower left", "bottom", "lower right"))
 """Thirds of the picture, from its top left."""
@@ -89,7 +90,7 @@ class IdentityPane(Pane):
     label: ClassVar[str] = "IDENTITY"
 
     named_for: reactive[Mapping[int, float]] = reactive({}, repaint=False)
-    """For which share of the time that it could be named each vehicle was, 0 for never; without those of which nothing
+    """Share of the time that it could be named for which each vehicle was, 0 for never; without those of which nothing
     is known. Of a flight by its roll call, of a replay over the whole recording."""
 
     def __init__(self, *, id: str) -> None:
@@ -97,11 +98,11 @@ class IdentityPane(Pane):
         self._evidence = False
 
     def watch_named_for(self) -> None:
-        """More is known."""
+        """Draw again when more is known."""
         self.redraw()
 
     def show_evidence(self) -> None:
-        """The view for analysts, or back."""
+        """Switch to the view for analysts, or back."""
         self._evidence = not self._evidence
         self.redraw()
 
@@ -141,7 +142,7 @@ class IdentityPane(Pane):
 
     def rows_wanted(self, width: int) -> int:
         """Rows below the heading that everything would take."""
-        return len(self.body(width, MOST_ROWS))
+        return len(self.body(width, MAX_ROWS))
 
 
 def _columns(facts: Sequence[Fact], width: int, height: int) -> list[Strip]:
@@ -335,7 +336,7 @@ def _covers(box: Box, x: float, y: float) -> bool:
 
 
 def _named_fact(share: float | None) -> list[Fact]:
-    """For how much of the time it was named so far."""
+    """Format for how much of the time it was named so far."""
     return [] if share is None else [("named", f"{percent(share)} of the time" if share else "never yet", INK)]
 
 
@@ -380,7 +381,7 @@ def _without_name(snapshot: Snapshot) -> list[Fact]:
         row for row in snapshot.vehicles if row.role == "ugv" and row.standing in WITHOUT_NAME and not row.elsewhere
     ]
     facts: list[Fact] = []
-    for row in sorted(rows, key=first)[:MOST_WITHOUT_NAME]:
+    for row in sorted(rows, key=first)[:MAX_WITHOUT_NAME]:
         worst = worst_alarm(snapshot, row.system_id)
         why = plain(trouble_of(worst)) if worst is not None else expected_place(snapshot, row)
         colour = standing_colour(row.standing) if worst is None else level_colour(worst.level)
@@ -413,7 +414,7 @@ def _vehicle_facts(snapshot: Snapshot, row: VehicleRow, box: Box | None) -> list
 
 
 def _dated(name: str, text: str, age_s: float) -> Fact:
-    """A fact as it looks at its age."""
+    """Format a fact by its age."""
     return (name, *aged(text or UNKNOWN, INK, age_s, FACT_CELLS))
 
 

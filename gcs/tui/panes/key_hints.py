@@ -40,7 +40,7 @@ class KeyHints(Widget):
         self._hints = tuple(hints)
 
     def render_line(self, y: int) -> Strip:
-        """Those of the focused pane come early."""
+        """Draw the hints, those of the focused pane early."""
         parts: list[Part] = []
         for each in hints_for(self._hints, self.pane):
             hint = hint_parts(each)

@@ -42,7 +42,7 @@ FARTHEST_ORIGIN_M: Final = 10_000.0
 """Greatest distance of two origins about which east and north are the same directions."""
 
 TrailSource = Callable[[int, float, LocalFrame | None], Sequence[Trail]]
-"""Trails before a moment, so many seconds long, about an origin."""
+"""Trails before a moment, this many seconds long, about an origin."""
 
 
 def _key(key: str, action: str, tooltip: str) -> Binding:
@@ -64,7 +64,7 @@ class MapPane(Pane):
         _key("r", "ruler", "Ruler: a cursor with its coordinates, and off again"),
         _key("enter", "pick_place", "Ruler: measure from here, then to here"),
     ]
-    """They count while the map has the focus; ``j`` and ``k`` still choose a vehicle."""
+    """Keys that count while the map has the focus; ``j`` and ``k`` still choose a vehicle."""
 
     def __init__(self, *, id: str, trails: TrailSource | None = None, basemap: Basemap | None = None) -> None:
         """A map.
@@ -113,7 +113,7 @@ class MapPane(Pane):
         return self._view
 
     def zoom_by(self, steps: int) -> None:
-        """Closer (positive) or farther; 0 fits everything again."""
+        """Zoom closer (positive) or farther; 0 fits everything again."""
         if steps and self._free:
             self._look(replace(self._free, metres_per_dot=step_scale(self._free.metres_per_dot, -steps)))
             return
@@ -145,12 +145,12 @@ class MapPane(Pane):
             self._look(replace(self._view, east=float(HOME_ENU[0]), north=float(HOME_ENU[1])))
 
     def action_trails(self) -> None:
-        """The next length of trails."""
+        """Go on to the next length of trails."""
         self._span = (self._span + 1) % len(TRAILS_S)
         self.redraw()
 
     def action_ruler(self) -> None:
-        """A cursor in the middle, or none."""
+        """Put a cursor in the middle, or take it away."""
         if self._view is not None:
             on = self._ruler.cursor is None
             self._ruler = Ruler(cursor=(self._view.east, self._view.north)) if on else Ruler()
@@ -162,7 +162,7 @@ class MapPane(Pane):
         self.redraw()
 
     def _look(self, view: MapView | None) -> None:
-        """Somewhere else; labels find their places anew."""
+        """Look somewhere else; labels find their places again."""
         self._free = view
         self._labelling = Labelling()
         self.redraw()
@@ -175,7 +175,7 @@ class MapPane(Pane):
         return [(f"{held}{zoom} · trail {age(span) if span else 'off'} ", ink(FAINT, HEAD))]
 
     def watch_snapshot(self) -> None:
-        """Something new to show, and to keep for trails."""
+        """Take in a new snapshot, and keep it for trails."""
         if self.snapshot is not None:
             if self.snapshot.origin != self._origin:
                 self._follow_origin(self.snapshot.origin)
@@ -195,12 +195,12 @@ class MapPane(Pane):
         self._free, self._ruler = None, Ruler()
 
     def on_unmount(self) -> None:
-        """The tiles are not needed any more."""
+        """Close the tiles."""
         if self._basemap is not None:
             self._basemap.tiles.close()
 
     def body(self, width: int, height: int) -> list[Strip]:
-        """The chart, or a word on what is awaited."""
+        """Draw the chart, or a word on what is awaited."""
         if height <= 0:
             return []
         if self.snapshot is None:
@@ -234,11 +234,11 @@ class MapPane(Pane):
         return None
 
     def on_mouse_scroll_up(self, event: events.MouseScrollUp) -> None:
-        """Closer to what is under the pointer."""
+        """Zoom closer to what is under the pointer."""
         self._zoom_at(event, 1)
 
     def on_mouse_scroll_down(self, event: events.MouseScrollDown) -> None:
-        """Farther from what is under the pointer."""
+        """Zoom farther from what is under the pointer."""
         self._zoom_at(event, -1)
 
     def _zoom_at(self, event: events.MouseEvent, steps: int) -> None:
@@ -255,7 +255,7 @@ class MapPane(Pane):
         self.capture_mouse()
 
     def on_mouse_move(self, event: events.MouseMove) -> None:
-        """The ground follows the pointer."""
+        """Move the ground with the pointer."""
         if self._dragged_from is None or self._view is None:
             return
         columns, rows = self._dragged_from[0] - event.x, self._dragged_from[1] - event.y
@@ -281,12 +281,7 @@ class MapPane(Pane):
 
 
 def map_pane(station: Station, trails: TrailSource) -> MapPane:
-    """The map of a station, with what the mission has to be under it; tiles that cannot be used are an event.
-
-    Args:
-        station: a flight or a replay.
-        trails: of a replay.
-    """
+    """The map of a station, with what the mission has to be under it; tiles that cannot be used are an event."""
     basemap = None
     if station.tiles is not None:
         try:

@@ -25,7 +25,7 @@ class Pane(Widget, can_focus=True):
     ALLOW_SELECT: ClassVar[bool] = False
     label: ClassVar[str] = ""
     is_picture: ClassVar[bool] = False
-    """Takes most of what goes to the terminal, and waits until the terminal has the last one."""
+    """True of a pane that takes most of what goes to the terminal, and waits until the terminal has the last one."""
 
     snapshot: reactive[Snapshot | None] = reactive(None, always_update=True, repaint=False)
     selected: reactive[int] = reactive(0, repaint=False)
@@ -41,7 +41,7 @@ class Pane(Widget, can_focus=True):
         self._owed = False
 
     def note(self) -> Sequence[Part]:
-        """The heading's right end."""
+        """Return the heading's right end."""
         return ()
 
     def body(self, width: int, height: int) -> list[Strip]:
@@ -99,23 +99,23 @@ class Pane(Widget, can_focus=True):
         return [self.render_line(y).crop(left, right) for y in crop.line_range]
 
     def watch_snapshot(self) -> None:
-        """Something new to show."""
+        """Draw again when there is something new to show."""
         self.redraw()
 
     def watch_selected(self) -> None:
-        """Another vehicle is stressed."""
+        """Draw again when another vehicle is picked."""
         self.redraw()
 
     def watch_picked_track(self) -> None:
-        """Another box is stressed."""
+        """Draw again when another box is picked."""
         self.redraw()
 
     def on_resize(self, event: events.Resize) -> None:
-        """All rows have another width."""
+        """Draw all rows again, in another width."""
         self._rows = []
         self.redraw()
 
     def watch_has_focus(self, value: bool) -> None:
-        """The heading shows the focus."""
+        """Show the focus in the heading."""
         super().watch_has_focus(value)
         self.redraw()

@@ -36,7 +36,7 @@ class Room(IntEnum):
 
 
 WIDTHS: Final = {Room.WIDE: 116, Room.USUAL: 80}
-"""From which width on."""
+"""Widths from which on each form is shown."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -50,7 +50,7 @@ class StatusSlot:
     """Pane that has more about it: a click brings it."""
 
     def at(self, room: Room) -> list[Part]:
-        """Its parts, and what is left of its cells."""
+        """Parts of the bar, and the cells that are left."""
         if not self.cells[room]:
             return []
         shown = [clickable(part, f"app.pane({self.pane!r})") if self.pane else part for part in self.parts]
@@ -76,7 +76,7 @@ class StatusBar(Widget):
 
 
 def status_line(snapshot: Snapshot | None, width: int, *, live: bool, title: str = "") -> Strip:
-    """The bar in so many cells.
+    """The bar in this many cells.
 
     Args:
         snapshot: What it shows, None before the first.
@@ -99,7 +99,7 @@ def status_line(snapshot: Snapshot | None, width: int, *, live: bool, title: str
 
 
 def _fitting(slots: Sequence[StatusSlot], room: Room, width: int) -> list[Part]:
-    """All slots, and on a screen for which none of them are made the first ones."""
+    """Return the slots that fit, and on a screen for which none of them are made the first ones."""
     parts = [part for slot in slots for part in slot.at(room)]
     if parts and room is Room.TIGHT:  # every cell counts
         parts[-1] = (" " * (len(parts[-1][0]) - 1), parts[-1][1])
@@ -107,7 +107,7 @@ def _fitting(slots: Sequence[StatusSlot], room: Room, width: int) -> list[Part]:
 
 
 def _slots(snapshot: Snapshot, room: Room, *, live: bool) -> list[StatusSlot]:
-    """From the left: what is wrong, whether it is kept, who is named, what comes, and the time."""
+    """Return the slots from the left: what is wrong, whether it is kept, who is named, what comes, and the time."""
     if not live:
         return [_alarms(snapshot), _names(snapshot, Room.WIDE, (14, 14, 14)), _video(snapshot)]
     return [

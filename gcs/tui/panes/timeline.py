@@ -29,14 +29,14 @@ Spans = tuple[tuple[int, int], ...]
 """First and last moment of each part of a recording."""
 NOT_ANALYSED = "┄"
 SHORTEST: Final = 8
-"""Cells; a shorter bar is left out."""
+"""Least length of a bar, cells; a shorter one is left out."""
 ROOMY_ROWS: Final = 30
-"""A screen of so many rows has one to spare for the confidence of the picked vehicle."""
+"""Rows of a screen that has one to spare for the confidence of the picked vehicle."""
 LEVELS: Final = "▁▂▃▄▅▆▇█"
 
 
 class TimelineBar(Widget):
-    """One row, and a second one while a vehicle is picked; a click seeks."""
+    """Bar of a replay's time in one row, with a second row while a vehicle is picked; a click seeks."""
 
     ALLOW_SELECT: ClassVar[bool] = False
     state: reactive[State] = reactive((0, 0, 0, False, 1.0))
@@ -72,15 +72,15 @@ class TimelineBar(Widget):
         self.picked = (plain(name), timeline.confidence(system_id).tobytes()) if strip else ("", b"")
 
     def watch_marks(self) -> None:
-        """Something happened."""
+        """Draw again when something happened."""
         self._look = None
 
     def watch_gaps(self) -> None:
-        """Other gaps."""
+        """Draw again when gaps were found."""
         self._look = None
 
     def watch_picked(self, before: tuple[str, bytes], picked: tuple[str, bytes]) -> None:
-        """There is a second row while a vehicle is picked."""
+        """Show a second row while a vehicle is picked."""
         if bool(before[1]) != bool(picked[1]):
             self.styles.height = 2 if picked[1] else 1
 

@@ -33,7 +33,7 @@ PIXELS_EVERY_S = 0.15
 """Least time between images; a terminal that takes longer is given as long again to answer keys."""
 LAG_SHOWN_S = 0.05
 IMAGE_ID = "pixels"
-LEAST_RULE = 4
+MIN_RULE = 4
 """Cells round the pane's name, and of the line between it and the figures."""
 
 
@@ -94,7 +94,7 @@ class VideoPane(Pane):
         if self.enlarged and not (self._inset and self._inset.seen):
             return [(self._inset_note(), ink(WARN, HEAD))]
         parts = [(self._frame_note(self.snapshot), ink(INK, HEAD)), *_state_parts(self.snapshot)]
-        while parts and len(self.label) + width_of(parts) + LEAST_RULE > self.size.width:
+        while parts and len(self.label) + width_of(parts) + MIN_RULE > self.size.width:
             parts.pop()
         return parts
 
@@ -106,13 +106,13 @@ class VideoPane(Pane):
         return f"zoom {snapshot.width / self._frame.rect[2]:.1f} " + f"{beyond} beyond " * (beyond > 0)
 
     def _inset_note(self) -> str:
-        """Why the picked vehicle is not seen enlarged."""
+        """Return why the picked vehicle is not seen enlarged."""
         if self._inset is not None:
             return "Z: where it should be "
         return "Z: not in the picture " if self.selected or self.picked_track else "Z: pick a vehicle "
 
     def body(self, width: int, height: int) -> list[Strip]:
-        """The frame, or a word on what is awaited."""
+        """Draw the frame, or a word on what is awaited."""
         if self.snapshot is None:
             return [line([(" waiting for the first frame …", ink(FAINT))], width)]
         if height <= 0:
@@ -129,7 +129,7 @@ class VideoPane(Pane):
         return video_cells(*field, self._labelling, self._mode, inset).strips()
 
     def _tiled(self, width: int, height: int) -> list[Strip]:
-        """All cameras in cells, whatever the terminal can show: a small picture has no more to see in pixels."""
+        """Draw all cameras in cells, whatever the terminal can show: a small picture has no more to see in pixels."""
         self._shown = self._frame = self._inset = None
         field = self.tiles, self.selected, width, height, self.picked_track
         cells, self._tile_labels = tiled_cells(*field, self._tile_labels, self._mode)
@@ -169,11 +169,12 @@ class VideoPane(Pane):
         self.call_after_refresh(self._rest, now)
 
     def watch_enlarged(self) -> None:
-        """The inset comes or goes."""
+        """Show the inset, or take it away."""
         self.redraw()
 
     def watch_tiles(self, before: tuple[CameraPicture, ...], tiles: tuple[CameraPicture, ...]) -> None:
-        """Another camera has a new picture, or tiles come or go."""
+        """Hide the picture while there are tiles, and draw again, when another camera has a new picture or tiles come
+        or go."""
         if self._pixels is not None and bool(before) != bool(tiles):
             self.query_one(f"#{IMAGE_ID}").display = not tiles
             self._look = ()

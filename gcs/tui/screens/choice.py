@@ -37,18 +37,12 @@ class ChoiceList(ModalScreen[str | None]):
     """
 
     def __init__(self, title: str, choices: Sequence[tuple[str, str]], hint: str) -> None:
-        """Make a list.
-
-        Args:
-            title: One line over it.
-            choices: Keys and words, plain text.
-            hint: One line below it.
-        """
+        """Make a list."""
         super().__init__()
         self._title, self._choices, self._hint = title, tuple(choices), hint
 
     def compose(self) -> ComposeResult:
-        """A heading over the list."""
+        """Yield a heading and the list."""
         with Vertical():
             yield Static(Text(plain(self._title), ink(ACCENT, HEAD, bold=True)), markup=False)
             yield OptionList(
@@ -66,5 +60,5 @@ class ChoiceList(ModalScreen[str | None]):
         choices.action_cursor_up() if way == "up" else choices.action_cursor_down()
 
     def action_cancel(self) -> None:
-        """No choice."""
+        """Close without a choice."""
         self.dismiss(None)

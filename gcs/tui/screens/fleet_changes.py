@@ -21,13 +21,7 @@ OFFER_S = 20.0
 
 
 def ask_for_fleet(app: App[Any], station: Station, snapshot: Snapshot | None) -> None:
-    """Let the operator change who is in the fleet.
-
-    Args:
-        app: to show the list.
-        station: takes the change.
-        snapshot: the newest.
-    """
+    """Let the operator change who is in the fleet."""
     if snapshot is None:
         return
     names = {row.system_id: row.name for row in snapshot.vehicles}
@@ -46,13 +40,13 @@ def ask_for_fleet(app: App[Any], station: Station, snapshot: Snapshot | None) ->
     app.push_screen(FleetList(_choices(snapshot, station.newcomers())), change)
 
 
-def tell_newcomers(app: App[Any], newcomers: Sequence[Newcomer], told: Collection[int]) -> frozenset[int]:
-    """Tell of vehicles that are offered and were not told of; returns all that were."""
+def tell_newcomers(app: App[Any], newcomers: Sequence[Newcomer], known: Collection[int]) -> frozenset[int]:
+    """Notify once of each vehicle that is offered for the fleet; return the ids of all notified of."""
     offered = frozenset(each.system_id for each in newcomers if each.offered)
     for each in newcomers:
-        if each.offered and each.system_id not in told:
+        if each.offered and each.system_id not in known:
             app.notify(each.offer, timeout=OFFER_S, markup=False)
-    return offered | frozenset(told)
+    return offered | frozenset(known)
 
 
 class FleetList(ChoiceList):
@@ -68,7 +62,7 @@ class FleetList(ChoiceList):
         super().__init__("Who is in the fleet?", choices, "enter takes in or leaves out; r renames; esc closes")
 
     def action_choose(self) -> None:
-        """The same as enter."""
+        """Choose, as enter does."""
         self.query_one(OptionList).action_select()
 
     def action_rename(self) -> None:

@@ -62,11 +62,7 @@ class HelpPage(Widget):
     """One page at a time, under a heading and over a row that says how to turn."""
 
     def __init__(self, blocks: Sequence[Block]) -> None:
-        """Show help.
-
-        Args:
-            blocks: All of it.
-        """
+        """Show help."""
         super().__init__(id="help")
         self._blocks = blocks
         self._pages: list[list[list[list[Part]]]] = []
@@ -83,7 +79,7 @@ class HelpPage(Widget):
         return self._pages
 
     def turn(self, steps: int) -> None:
-        """To another page; after the last comes the first."""
+        """Turn to another page; after the last comes the first."""
         self._at = (self._at + steps) % len(self.pages)
         self.refresh()
 
@@ -110,7 +106,7 @@ class HelpPage(Widget):
 
 
 class HelpScreen(ModalScreen[None]):
-    """All keys and marks; leave with ``esc``, ``q`` or ``enter``."""
+    """Screen with all keys and marks; leave with ``esc``, ``q`` or ``enter``."""
 
     BINDINGS: ClassVar[list[BindingType]] = [
         Binding("escape,q,enter", "dismiss", "Close", id="help.close", tooltip="Close the help"),
@@ -119,20 +115,16 @@ class HelpScreen(ModalScreen[None]):
     ]
 
     def __init__(self, actions: Iterable[Action]) -> None:
-        """Show help.
-
-        Args:
-            actions: What the keys do.
-        """
+        """Show help."""
         super().__init__()
         self._page = HelpPage(_blocks(actions))
 
     def compose(self) -> ComposeResult:
-        """The page."""
+        """Yield the page."""
         yield self._page
 
     def action_turn(self, steps: int) -> None:
-        """To another page."""
+        """Turn to another page."""
         self._page.turn(steps)
 
 

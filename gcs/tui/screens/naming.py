@@ -25,15 +25,7 @@ NONE_OF_OURS = "none of ours"
 def ask_for_name(
     app: App[Any], station: Station, snapshot: Snapshot | None, pick: Pick, show: Callable[[int, int], None]
 ) -> None:
-    """Let the operator state which vehicle the picked box is.
-
-    Args:
-        app: to show the question.
-        station: takes the statement.
-        snapshot: the newest.
-        pick: what is picked.
-        show: picks what was stated.
-    """
+    """Let the operator state which vehicle the picked box is."""
     box = None if snapshot is None else picked_box(snapshot, *pick)
     if snapshot is None or box is None or not box.track_id or station.timeline is not None:
         why = RECORDING if station.timeline is not None else NOTHING_PICKED if box is None else NOT_TRACKED

@@ -41,7 +41,7 @@ class PreflightScreen(ModalScreen[None]):
         self._list = Static(markup=False)
 
     def compose(self) -> ComposeResult:
-        """One text, as long as it is."""
+        """Yield one text, as long as it is."""
         with VerticalScroll():
             yield self._list
 

@@ -31,14 +31,7 @@ class Prompt(ModalScreen[Answer | None]):
     ]
 
     def __init__(self, question: str, hint: str, parse: Callable[[str], Answer], *, value: str = "") -> None:
-        """Make a prompt.
-
-        Args:
-            question: One line, plain text.
-            hint: Shown below the input until an answer is refused.
-            parse: Converts the typed text to the answer; its ValueError or OSError is shown to the operator.
-            value: Initial text.
-        """
+        """Make a prompt."""
         super().__init__()
         self._question, self._hint, self._parse, self._value = question, hint, parse, value
 
@@ -98,13 +91,7 @@ class Confirm(ModalScreen[bool]):
 
 
 def ask_for_rival_video(app: App[Any], station: Station, snapshot: Snapshot | None) -> None:
-    """Let the operator take the other video where two senders contest its port; both addresses are asked about.
-
-    Args:
-        app: to show the question.
-        station: takes the answer.
-        snapshot: the newest.
-    """
+    """Let the operator take the other video where two senders contest its port; both addresses are asked about."""
     health = snapshot.health if snapshot else None
     if health is None or not health.video_rival:
         app.notify(NO_RIVAL, severity="warning", timeout=6, markup=False)

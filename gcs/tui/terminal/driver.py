@@ -32,7 +32,7 @@ READ_BYTES = 65_536
 WAKE_S = 0.1
 """The input thread looks this often whether it is to end."""
 LEAVE_S = 1.0
-"""At the end the terminal gets so long to reply and to take what is left; later replies are typed into the shell."""
+"""Time at the end for the terminal to reply and to take what is left; later replies are typed into the shell."""
 SYNC_BEGIN, SYNC_END = "\x1b[?2026h", "\x1b[?2026l"
 
 
@@ -127,7 +127,7 @@ class TerminalDriver(LinuxDriver):
         return b""
 
     def _leave(self) -> None:
-        """The terminal is gone; for any thread."""
+        """End since the terminal is gone; for any thread."""
         with self._pacing_changed:
             self._gone = True
             self._pacing_changed.notify_all()
@@ -146,7 +146,7 @@ class TerminalDriver(LinuxDriver):
         self._call(self._send)
 
     def _call(self, function: Callable[[], Any]) -> None:
-        """From another thread; not once the screens have ended."""
+        """Call from another thread; not once the screens have ended."""
         with contextlib.suppress(RuntimeError):
             self._loop.call_soon_threadsafe(function)
 

@@ -16,19 +16,19 @@ QUESTION = b"\x1b[5n"
 """Device status report; terminals reply ``ESC [ 0 n`` at once, in order with what they show."""
 QUEUE_S = 0.06
 """Time that may stand in queues: a part of the 0.3 s within which a key shows, which the line's own delay adds to."""
-LEAST_BYTES = 2_048
+MIN_BYTES = 2_048
 """The window's lower limit: some rows of text, 0.03 s at 60 kB/s."""
 FIRST_BYTES = 8_192
 """The window before anything is known of the line."""
-MOST_BYTES = 1 << 20
+MAX_BYTES = 1 << 20
 """The window's upper limit: more than any screen of half blocks has."""
 CHUNKS = 8
-"""A window goes in so many chunks: the line is never idle while the reply to one is on its way."""
-LEAST_CHUNK_BYTES = 512
-"""Below this the question itself, and moves of the cursor, would cost too much."""
+"""A window goes in this many chunks: the line is never idle while the reply to one is on its way."""
+MIN_CHUNK_BYTES = 512
+"""Size below which the question itself, and moves of the cursor, would cost too much."""
 RATES_KEPT = 8
-"""The line's rate is the most of so many: a pause of the terminal is no slow line, and a slow line is found soon."""
-MOST_CHUNKS = 64
+"""The line's rate is the most of this many: a pause of the terminal is no slow line, and a slow line is found soon."""
+MAX_CHUNKS = 64
 """Questions that are remembered of a terminal that never replies."""
 LOST_S = 5.0
 """A reply that takes longer is taken for lost: the terminal may have been exchanged for another meanwhile."""
@@ -56,7 +56,7 @@ class Pacing:
         self._shortest_s = math.inf
         self._rates: deque[float] = deque(maxlen=RATES_KEPT)
         self._replies = False
-        self._unanswered: deque[_SentChunk] = deque(maxlen=MOST_CHUNKS)
+        self._unanswered: deque[_SentChunk] = deque(maxlen=MAX_CHUNKS)
         self._unwritten: deque[_SentChunk] = deque()
 
     @property
@@ -71,7 +71,7 @@ class Pacing:
 
     @property
     def _chunk(self) -> int:
-        return max(self.window // CHUNKS, LEAST_CHUNK_BYTES)
+        return max(self.window // CHUNKS, MIN_CHUNK_BYTES)
 
     def room(self, now_s: float) -> int:
         """Bytes that may be sent now as one chunk, 0 for none yet."""
@@ -80,17 +80,17 @@ class Pacing:
         return self._chunk if self.on_its_way + self._chunk <= self.window else 0
 
     def send(self, size: int, now_s: float) -> None:
-        """A chunk of ``size`` bytes goes out, with its question."""
+        """Note that a chunk of ``size`` bytes goes out, with its question."""
         chunk = _SentChunk(size, now_s, self._shown, self.on_its_way + size > self.window - self._chunk)
         self._unanswered.append(chunk)
         self._unwritten.append(chunk)
 
     def written(self) -> None:
-        """The system has taken the eldest chunk that it had not yet."""
+        """Note that the system has taken the eldest chunk that it had not yet."""
         self._unwritten.popleft()
 
     def replied(self, now_s: float) -> None:
-        """The terminal has answered the eldest question."""
+        """Note that the terminal has answered the eldest question."""
         self._replies = True
         if self._unanswered:
             self._adapt(self._unanswered.popleft(), now_s)
@@ -105,4 +105,4 @@ class Pacing:
         if self._rates:
             # window = rate · (shortest delay + queue); an unsaturated line is found by growing
             fit = max(self._rates) * (self._shortest_s + QUEUE_S)
-            self.window = int(min(max(fit, LEAST_BYTES), 2 * self.window, MOST_BYTES))
+            self.window = int(min(max(fit, MIN_BYTES), 2 * self.window, MAX_BYTES))

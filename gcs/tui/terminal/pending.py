@@ -13,7 +13,7 @@ PICTURE_SEGMENTS = 0.4
 TEXT_SHARE = 0.75
 """Part of a chunk that text may take while a picture waits: endless text may delay a picture, and never stop it."""
 
-LEAST_PIECE_BYTES = 512
+MIN_PIECE_BYTES = 512
 """A piece is not cut smaller than this."""
 
 
@@ -33,7 +33,7 @@ class PendingCells:
         return any(map(_is_picture, self._pieces.values()))
 
     def clear(self) -> None:
-        """Nothing of it is wanted any more."""
+        """Drop all that is pending."""
         self._pieces.clear()
         self._rows.clear()
 
@@ -56,7 +56,7 @@ class PendingCells:
                 if size >= limit:
                     break
                 if place in self._pieces:
-                    parts.append(self._render(place, max(limit - size, LEAST_PIECE_BYTES), console))
+                    parts.append(self._render(place, max(limit - size, MIN_PIECE_BYTES), console))
                     size += len(parts[-1].encode())
         return "".join(parts)
 

@@ -16,20 +16,15 @@ from gcs.tui.terminal.replies import Replies
 LAST_QUESTION: Final = b"\x1b[c"
 """The primary device attributes, to which all terminals reply, and in order: then no other reply will come."""
 WAIT_S: Final = 0.3
-"""For the replies: a slow line's way and back. Those that come later are no keys to the screens either."""
+"""Time for the replies: a slow line's way and back. Those that come later are no keys to the screens either."""
 REST_S: Final = 0.2
-"""For the rest of a reply that has begun."""
+"""Time for the rest of a reply that has begun."""
 
 
 def ask(reads: int, writes: int, questions: bytes) -> list[str]:
     """Reply of a terminal, ending with its device attributes; less where it is slow or does not know them.
 
     Keys pressed meanwhile are dropped: nobody has seen yet what they would act on.
-
-    Args:
-        reads: file descriptor of its input.
-        writes: of its output.
-        questions: control sequences that it may reply to.
     """
     found: list[str] = []
     replies = Replies(found.append)

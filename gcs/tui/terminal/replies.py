@@ -22,21 +22,17 @@ _BEGUN = re.compile(
 )
 """The end of what was read may be the beginning of one of these."""
 _NO_KEY = re.compile(r"\x1b(?:\[[?>=]|_G)")
-"""No key begins like this."""
-MOST_CHARACTERS = 4_096
+"""Beginning that no key has."""
+MAX_CHARACTERS = 4_096
 """A reply that is longer is none."""
 KEY_HOLD_S = 0.03
-"""An escape is held for so long, for it may begin a reply: parts of one come together but for the line between."""
+"""An escape is held for this long, for it may begin a reply: parts of one come together but for the line between."""
 REPLY_HOLD_S = 1.0
 """Time for which the rest of what can only be a reply is awaited."""
 
 
 class Replies:
-    """Separates replies from keys over any number of reads.
-
-    Args:
-        on_reply: is called with each reply.
-    """
+    """Separates replies from keys over any number of reads."""
 
     def __init__(self, on_reply: Callable[[str], None]) -> None:
         self._on_reply = on_reply
@@ -53,7 +49,7 @@ class Replies:
         """Typed part of what was read."""
         text = self._held + text
         begun = _BEGUN.search(text)
-        at = len(text) if begun is None or len(text) - begun.start() > MOST_CHARACTERS else begun.start()
+        at = len(text) if begun is None or len(text) - begun.start() > MAX_CHARACTERS else begun.start()
         text, self._held = text[:at], text[at:]
         return _REPLY.sub(self._take, text)
 

@@ -24,7 +24,7 @@ from gcs.tui.draw.terminal_kind import has_terminal
 from gcs.tui.terminal.driver import TerminalDriver
 from gcs.tui.themes import THEMES, ThemeName, next_theme, textual_theme
 
-MOST_FPS = 12.0
+MAX_FPS = 12.0
 """Pictures a second that are drawn at most, on any terminal."""
 
 
@@ -56,7 +56,8 @@ class EagerScreen(Screen[None]):
         self._drawn_s = 0.0
 
     def on_idle(self) -> None:
-        """After a rest the clock need not be waited for; Textual's own handler, which starts it, comes after this."""
+        """Draw at once after a rest, for which the clock need not be waited for; Textual's own handler, which starts
+        it, comes after this."""
         now_s = time.monotonic()
         if now_s - self._drawn_s >= UPDATE_PERIOD and (self._dirty_widgets or self._layout_required):
             self._drawn_s = now_s
@@ -64,14 +65,9 @@ class EagerScreen(Screen[None]):
 
 
 class TerminalApp(App[None]):
-    """Base of both apps: how they reach the terminal, and in which colours.
+    """Base of both apps: how they reach the terminal, and in which colours."""
 
-    Args:
-        fps: most pictures a second.
-        theme: colours to begin with.
-    """
-
-    def __init__(self, fps: float = MOST_FPS, theme: ThemeName = "dark") -> None:
+    def __init__(self, fps: float = MAX_FPS, theme: ThemeName = "dark") -> None:
         super().__init__()
         palette.use_depth(depth_of(self.colours))
         for each in THEMES.values():
@@ -90,22 +86,23 @@ class TerminalApp(App[None]):
         return self.console.color_system if has_terminal() else "truecolor"
 
     def get_line_filters(self) -> Sequence[LineFilter]:
-        """Without the palette filter: all colours here are the terminal's own, and it costs more than the video."""
+        """Return the filters without the one for the palette: all colours here are the terminal's own, and it costs
+        more than the video."""
         return [each for each in super().get_line_filters() if not isinstance(each, ANSIToTruecolor)]
 
     def action_next_theme(self) -> None:
-        """The next one."""
+        """Change to the next theme."""
         self.theme = next_theme(self.theme)
         self.notify(f"theme: {self.theme}", timeout=2, markup=False)
 
     def watch_theme(self, theme: str) -> None:
-        """Everything in other colours."""
+        """Change all colours to those of a theme."""
         palette.use_theme(theme)
         for widget in self.screen_stack[0].query("*") if self.screen_stack else ():
             getattr(widget, "redraw", widget.refresh)()
 
     def get_default_screen(self) -> Screen[None]:
-        """One that does not wait for a clock."""
+        """Return a screen that does not wait for a clock."""
         return EagerScreen(id="_default")
 
     def get_driver_class(self) -> type[Driver]:
@@ -116,13 +113,13 @@ class TerminalApp(App[None]):
     def picture_waits(self) -> bool:
         """Tell whether the terminal does not have the last pictures yet, or has had as many as ``fps`` allows.
 
-        To be asked ``MOST_FPS`` times a second; a picture may be drawn whenever the answer is no.
+        To be asked ``MAX_FPS`` times a second; a picture may be drawn whenever the answer is no.
         """
         now_s = time.monotonic()
         if now_s < self._picture_due_s or (isinstance(self._driver, TerminalDriver) and self._driver.has_picture):
             return True
         # who asks is not punctual to the millisecond
-        self._picture_due_s = now_s + 1 / self._fps - 0.5 / MOST_FPS if self._fps < MOST_FPS else now_s
+        self._picture_due_s = now_s + 1 / self._fps - 0.5 / MAX_FPS if self._fps < MAX_FPS else now_s
         return False
 
     def _display(self, screen: Screen[object], renderable: RenderableType | None) -> None:

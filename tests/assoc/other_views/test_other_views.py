@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from assoc.other_views.hearing import Hearing
-from assoc.other_views.opinions import Hearsay, founded, pooled, said_of, without_taken
+from assoc.other_views.opinions import Hearsay, answers_for, information_of, pooled, without_taken
 from assoc.other_views.same_boxes import SameBoxes, Shift, compared, places_at
 from assoc.records import Sighting
 
@@ -74,7 +74,7 @@ def test_a_track_goes_on_straight_for_half_a_second():
 
 def test_answers_that_agree_prove_no_more_than_one_and_those_that_differ_nothing():
     one, other, none = sure_of(0), sure_of(1), EVEN[None]
-    assert founded(none)[0] == pytest.approx(0.0)
+    assert information_of(none)[0] == pytest.approx(0.0)
     both = [np.ones(1)] * 2
     for answers, same, fits, expected in (
         ([one, one], both, [1.0, 1.0], one),
@@ -95,7 +95,7 @@ def test_who_is_named_elsewhere_is_no_other_box():
     p = without_taken(before, after)
     assert p[0] == pytest.approx(after[0])
     assert p[1, 0] < 0.02 and p.sum(axis=1) == pytest.approx(1.0)
-    said, same = said_of(sure_of(0, 1), np.array([[0.5, 0.0], [0.0, 0.0]]))
+    said, same = answers_for(sure_of(0, 1), np.array([[0.5, 0.0], [0.0, 0.0]]))
     assert said == pytest.approx(np.concatenate([sure_of(0), EVEN[None]])) and same.tolist() == [0.5, 0.0]
 
 

@@ -50,7 +50,7 @@ def flown(request, tmp_path_factory):
     calls = RollCall(open_session(flown.folder).mission)
     for moment in flown.moments:
         calls.add(moment.snapshot, moment.now_us)
-    calls.end(len(read_times(flown.folder / "frames.csv").times_us))
+    calls.set_frame_count(len(read_times(flown.folder / "frames.csv").times_us))
     return request.param, flown.folder, calls
 
 

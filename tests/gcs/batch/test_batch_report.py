@@ -220,7 +220,7 @@ def test_the_worst_is_said_first():
 
 
 def test_what_does_not_fit_on_the_page_is_counted(monkeypatch):
-    monkeypatch.setattr("gcs.batch.report.overview.MOST_FLIGHTS", 3)
+    monkeypatch.setattr("gcs.batch.report.overview.MAX_FLIGHTS", 3)
     seen = Seen(batch_page([each for each, _ in WORST_FIRST], "here"))
     assert [row[0] for row in seen.rows if row[0] in {each.flight for each, _ in WORST_FIRST}] == [
         each.flight for each, _ in WORST_FIRST[:3]

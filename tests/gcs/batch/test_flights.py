@@ -117,7 +117,7 @@ def test_what_is_left_out_is_told(recordings):
 
 
 def test_a_flight_without_end_is_broken_off(tmp_path, monkeypatch):
-    monkeypatch.setattr("gcs.batch.flights.MOST_FETCH_BYTES", 10_000_000)
+    monkeypatch.setattr("gcs.batch.flights.MAX_FETCH_BYTES", 10_000_000)
     files = fsspec.filesystem("memory")
     files.pipe_file("/endless/flight.tlog", bytes(20_000_000))
     with pytest.raises(StoreError, match="for one flight"):

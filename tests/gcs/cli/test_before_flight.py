@@ -29,7 +29,7 @@ def test_few_files_are_raised_or_refused(hard, flies, monkeypatch):
     monkeypatch.setattr(resource, "setrlimit", lambda kind, limits: asked.append(limits))
     if flies:
         fly._check(None, screen=False)
-        assert asked == [(fly.LEAST_FILES, hard)]
+        assert asked == [(fly.MIN_FILES, hard)]
     else:
         with pytest.raises(GcsError, match="only 36 files may be open, and a flight needs 128"):
             fly._check(None, screen=False)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from gcs.flight.flight import Flight
-from gcs.flight.newcomers import MOST_OFFERED, MOST_PACKETS, Newcomers
+from gcs.flight.newcomers import MAX_OFFERED, MAX_PACKETS, Newcomers
 from gcs.flight.plan import FlightPlan
 from gcs.mission.mission import Mission, MissionVehicle, load_mission
 from gcs.playback.analysis import Analysis
@@ -73,11 +73,11 @@ def test_made_up_ids_are_offered_a_few_times_and_told_once():
     for system_id in range(12, 250):
         newcomers.add_packets(list(packets(system_id)), FLEET)
         told += newcomers.look(0, FLEET, SHOWN)
-    assert len(told) == MOST_OFFERED + 1 and "no more are offered" in told[-1].text
+    assert len(told) == MAX_OFFERED + 1 and "no more are offered" in told[-1].text
     flood = [packet for _ in range(400) for packet in packets(250)]
     newcomers.add_packets(flood, FLEET)
     found = next(each for each in newcomers._roster.vehicles if each.system_id == 250)
-    assert len(flood) > found.packets == MOST_PACKETS
+    assert len(flood) > found.packets == MAX_PACKETS
 
 
 def test_a_vehicle_that_comes_in_flight_is_taken_in_and_is_in_the_saved_mission(tmp_path, monkeypatch):

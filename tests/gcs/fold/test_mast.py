@@ -16,7 +16,7 @@ def test_a_uav_and_a_mast_name_what_they_see(tmp_path):
     write_session(FLIGHT.filmed_by(2, masts=1), tmp_path / "flight")
     told = []
     calls = identify_session(open_session(tmp_path / "flight"), tmp_path / "out", note=told.append)
-    assert [each.films for each in (calls, *calls.other_views)] == ["UAV", "Mast-2"]
+    assert [each.uav_name for each in (calls, *calls.other_views)] == ["UAV", "Mast-2"]
     for view in (".", "view-2"):
         found = score_files(tmp_path / "flight" / view / "truth.csv", tmp_path / "out" / view / "identity.csv")
         assert (found.precision, found.coverage) == (1.0, 1.0)

@@ -210,7 +210,7 @@ def test_no_name_is_stated_while_several_senders_use_its_id(sure):
 @pytest.mark.slow
 def test_a_statement_outlives_evidence_that_begins_anew(silent):
     stated(silent, unnamed(silent).track_id, OTHER).run(1, filmed=True)
-    silent.pipeline._begin_anew()
+    silent.pipeline._forget_evidence()
     silent.run(3, filmed=True)
     assert silent.box(OTHER).stated
 

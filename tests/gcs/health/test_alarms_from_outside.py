@@ -12,8 +12,8 @@ import pytest
 from gcs.flight.frame_loop import FrameLoop
 from gcs.flight.monitor import FlightMonitor, Throughput
 from gcs.flight.video import FlightVideo
-from gcs.fold.meeting import Meeting
 from gcs.fold.pipeline import Pipeline
+from gcs.fold.view_exchange import ViewExchange
 from gcs.health.condition_alarms import CONDITION_RULES
 from gcs.health.faults import Faults
 from gcs.health.link_alarms import LINK_RULES
@@ -407,11 +407,11 @@ def films_others_while_the_fleet_is_elsewhere():
 
 
 class Misled:
-    """A meeting with another camera that has the same boxes, from a time on each surely as the next vehicle."""
+    """An exchange with another camera that has the same boxes, from a time on each surely as the next vehicle."""
 
     def __init__(self, uav_id, from_us):
-        meeting = Meeting()
-        self.own, self.other = meeting.seat(UAV), meeting.seat(uav_id)
+        exchange = ViewExchange()
+        self.own, self.other = exchange.join(UAV), exchange.join(uav_id)
         self.contradictions, self.first_seen, self.from_us = self.own.contradictions, self.own.first_seen, from_us
 
     def answers(self, frame, origin, system_ids, mine):
@@ -425,7 +425,7 @@ class Misled:
 @raises("views differ")
 def has_another_camera_that_names_others():
     scene = Scene(mission=replace(MISSION, view=(View(system_id=77, name="North"),)))
-    scene.pipeline.seat = Misled(77, T0 + 6 * S)
+    scene.pipeline.exchange = Misled(77, T0 + 6 * S)
     came = scene.run(13, filmed=True).came
     assert " by North; " in came["views differ", "alarm"].text
     return came

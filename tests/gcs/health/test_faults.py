@@ -7,7 +7,7 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from gcs.flight.flight import Flight
-from gcs.flight.frame_loop import MOST_WAITING, FrameLoop
+from gcs.flight.frame_loop import MAX_WAITING, FrameLoop
 from gcs.flight.plan import FlightPlan
 from gcs.fold.pipeline import Pipeline
 from gcs.health.faults import LASTING, Faults
@@ -86,7 +86,7 @@ def test_one_packet_that_cannot_be_worked_on_costs_nothing_else(fold, monkeypatc
 
 def test_packets_that_wait_for_ever_are_bounded_and_counted(fold):
     batch = [packet(11)] * 1000
-    for _ in range(MOST_WAITING // 1000 + 3):
+    for _ in range(MAX_WAITING // 1000 + 3):
         fold.add_packets(batch, 1_000_000)
     assert fold.throughput.packets_dropped == 3000
 

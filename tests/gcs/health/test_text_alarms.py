@@ -5,7 +5,7 @@ from dataclasses import replace
 import msgspec
 import pytest
 
-from gcs.health.alarms import GONE_US, MOST_TEXTS
+from gcs.health.alarms import GONE_US, MAX_TEXTS
 from gcs.session.event_log import event_row
 from gcs.snapshot import Alarm, Event
 from gcs.tui.panes.alarms import alike, text_of
@@ -87,7 +87,7 @@ def test_a_flood_is_a_few_alarms_and_none_is_lost_in_it(scene):
     assert [alarm.text for alarm in scene.said] == ["UGV-12 says: Throttle failsafe"]
     say(scene, *(f"error {k}" for k in range(500)))
     texts = [alarm.text for alarm in scene.said]
-    assert len(texts) == MOST_TEXTS + 1 and "UGV-12 says: Throttle failsafe" in texts
+    assert len(texts) == MAX_TEXTS + 1 and "UGV-12 says: Throttle failsafe" in texts
     assert "UGV-12 says: error 499 (and 494 more)" in texts
     for alarm in scene.said:
         scene.acknowledge(alarm)

@@ -47,7 +47,7 @@ def test_real_autopilots_with_a_clock_that_is_off(later_s):
     film, logs = flight(SWARM, later_s=later_s)
     found = find_fleet_clock([film], logs, ANY)
     assert abs(found.ahead_s - later_s) < 0.15
-    assert found.said.startswith(f"{found.ahead_s:+.2f} s, found by how the fleet fits the film")
+    assert found.clock_source.startswith(f"{found.ahead_s:+.2f} s, found by how the fleet fits the film")
 
 
 @pytest.mark.slow

@@ -18,7 +18,7 @@ from tests.support.imports import foreign_logs
 from tests.support.imports.straight import FILES, LAT, LON, STEP_US, T0_US, Straight
 
 COUNT = 50
-MOST_BYTES = 64_000_000
+MAX_BYTES = 64_000_000
 WITHIN_M = 0.05
 FILM = Path("tests/data/reported/grey_film.mp4")
 
@@ -57,7 +57,7 @@ def test_no_log_is_imported_wrong_without_a_word(tmp_path):
             assert "\n" not in str(error) and (path.name in str(error) or "while the fleet reports" in str(error))
             refused += 1
             continue
-        assert tracemalloc.get_traced_memory()[1] < MOST_BYTES, path.name
+        assert tracemalloc.get_traced_memory()[1] < MAX_BYTES, path.name
         (account,) = (each for each in report.sources if each.role == "ugv 11")
         words = [*account.assumed, *account.left_out]
         # rounding to milliseconds and 1e-7 degrees

@@ -56,7 +56,7 @@ def assert_path(places, start_us):
 @pytest.mark.parametrize("set_back_s", [3600.0, -3600.0, 7.0])
 def test_a_recorder_whose_clock_was_set_is_put_on_one_clock(set_back_s, tmp_path):
     fleet = open_fleet(written(tmp_path / "fleet.tlog", set_back_s=set_back_s))
-    (said,) = fleet.told()
+    (said,) = fleet.assumptions()
     assert said.startswith(f"fleet.tlog: the recorder's clock was set by {-set_back_s:+.2f} s at byte ")
     start_us = T0 - round(set_back_s * 1e6)  # as it was for two thirds of the log
     assert_path(fleet.places(11), start_us + 11)
@@ -71,13 +71,13 @@ def test_a_recorder_whose_clock_was_set_is_put_on_one_clock(set_back_s, tmp_path
 
 def test_a_whole_log_is_taken_as_it_is(tmp_path):
     fleet = open_fleet(written(tmp_path / "fleet.tlog"))
-    assert fleet.told() == ()
+    assert fleet.assumptions() == ()
     assert (fleet.t_us == fleet.tlog.index.t_us).all()
 
 
 def test_a_vehicle_whose_own_clock_stood_still_does_not_move_the_others(tmp_path):
     fleet = open_fleet(written(tmp_path / "fleet.tlog", stopped_s=9.9))
-    assert fleet.told() == ()
+    assert fleet.assumptions() == ()
     assert_path(fleet.places(11), T0 + 11)
     assert_path(fleet.places(12), T0 + 12)
 
@@ -107,7 +107,7 @@ def test_a_vehicle_with_a_receiver_alone(tmp_path):
 @pytest.mark.parametrize("by_s", [0.3, -0.3])
 def test_a_step_that_one_vehicle_alone_shows_may_be_its_own(by_s, tmp_path):
     fleet = open_fleet(written(tmp_path / "fleet.tlog", set_back_s=by_s, systems=(11,)))
-    (said,) = fleet.told()
+    (said,) = fleet.assumptions()
     assert said.startswith(
         f"fleet.tlog: the recorder's clock, or that of system 11, was set by {-by_s:+.2f} s at byte "
     )

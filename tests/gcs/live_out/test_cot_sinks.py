@@ -19,7 +19,7 @@ from gcs.errors import GcsError
 from gcs.export.cot import CotPacer, cot_boxes, cot_uid
 from gcs.live_out.cot_sinks import CotTcp, CotTls, CotUdp
 from gcs.live_out.sink import SinkSource
-from gcs.live_out.sink_url import parse_tell
+from gcs.live_out.sink_url import parse_publish_url
 from gcs.playback.analysis import Analysis
 from gcs.session.session import open_session
 from infra.wall_clock import now_us
@@ -87,7 +87,7 @@ async def test_pytak_receives_every_event_by_udp(snapshots):
     assert len(expected) > 20
 
     def send():
-        sink = CotUdp(parse_tell(f"cot+udp://127.0.0.1:{port}"), SOURCE)
+        sink = CotUdp(parse_publish_url(f"cot+udp://127.0.0.1:{port}"), SOURCE)
         for shown in snapshots:
             sink.write(shown)
         sink.close()
@@ -119,7 +119,7 @@ async def test_pytak_receives_every_event_through_a_tls_server(snapshots, tmp_pa
 
         def send():
             files = "&".join(f"{key}={tmp_path / name}" for key, name in (("cert", "us.pem"), ("key", "us.key")))
-            sink = CotTls(parse_tell(f"cot+tls://127.0.0.1:{port}?{files}&ca={tmp_path / 'ca.pem'}"), SOURCE)
+            sink = CotTls(parse_publish_url(f"cot+tls://127.0.0.1:{port}?{files}&ca={tmp_path / 'ca.pem'}"), SOURCE)
             for shown in snapshots:
                 sink.serve()
                 sink.write(shown)
@@ -145,7 +145,7 @@ async def test_a_server_that_we_do_not_trust_gets_nothing(tmp_path):
     async with await asyncio.start_server(lambda *_: None, "127.0.0.1", 0, ssl=server) as listening:
         url = f"cot+tls://127.0.0.1:{listening.sockets[0].getsockname()[1]}?ca={tmp_path / 'ca.pem'}"
         with pytest.raises(ssl.SSLCertVerificationError):
-            await asyncio.to_thread(CotTls, parse_tell(url), SOURCE)
+            await asyncio.to_thread(CotTls, parse_publish_url(url), SOURCE)
 
 
 async def test_a_server_that_goes_is_noticed():
@@ -154,7 +154,7 @@ async def test_a_server_that_goes_is_noticed():
 
     async with await asyncio.start_server(end, "127.0.0.1", 0) as listening:
         url = f"cot+tcp://127.0.0.1:{listening.sockets[0].getsockname()[1]}"
-        sink = await asyncio.to_thread(CotTcp, parse_tell(url), SOURCE)
+        sink = await asyncio.to_thread(CotTcp, parse_publish_url(url), SOURCE)
 
         def serve():
             for _ in range(100_000):
@@ -168,7 +168,7 @@ async def test_a_server_that_goes_is_noticed():
 def test_events_of_a_replay_are_dated_now_and_are_no_operation():
     with udp_socket() as reader:
         reader.settimeout(30)
-        url = parse_tell(f"cot+udp://127.0.0.1:{reader.getsockname()[1]}?interface=127.0.0.1")
+        url = parse_publish_url(f"cot+udp://127.0.0.1:{reader.getsockname()[1]}?interface=127.0.0.1")
         sink = CotUdp(url, SinkSource(name="old", replayed=True))
         before_us = now_us()
         for frame in range(5):
@@ -193,10 +193,10 @@ def test_events_of_a_replay_are_dated_now_and_are_no_operation():
 def test_files_are_looked_for_before_anything_starts(query, why, tmp_path):
     (tmp_path / "file").write_text("")
     with pytest.raises(GcsError) as error:
-        parse_tell("cot+tls://127.0.0.1:8089?" + query.format(file=tmp_path / "file"))
+        parse_publish_url("cot+tls://127.0.0.1:8089?" + query.format(file=tmp_path / "file"))
     assert why in str(error.value)
     with pytest.raises(GcsError, match="interface is the IPv4 address"):
-        parse_tell("cot+udp://239.2.3.1:6969?interface=eth0")
+        parse_publish_url("cot+udp://239.2.3.1:6969?interface=eth0")
 
 
 def make_certificate(path, issuer=None, issuer_key=None):

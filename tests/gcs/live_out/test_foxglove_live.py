@@ -17,7 +17,7 @@ from google.protobuf import descriptor_pb2, descriptor_pool, message_factory
 from gcs.errors import GcsError
 from gcs.live_out.foxglove_live import FoxgloveLive
 from gcs.live_out.sink import SinkSource
-from gcs.live_out.sink_url import parse_tell
+from gcs.live_out.sink_url import parse_publish_url
 from gcs.snapshot import Alarm
 from mavlink.geodesy import LocalFrame
 from tests.support.ports import free_port
@@ -42,7 +42,7 @@ def shown(frame):
 @pytest.fixture
 def flying():
     """The address of a server that is told of a flight."""
-    url = parse_tell(f"foxglove://127.0.0.1:{free_port(socket.SOCK_STREAM)}")
+    url = parse_publish_url(f"foxglove://127.0.0.1:{free_port(socket.SOCK_STREAM)}")
     sink, stop = FoxgloveLive(url, SOURCE), threading.Event()
 
     def write():
@@ -108,12 +108,12 @@ async def test_a_viewer_gets_every_channel(flying):
 
 def test_a_port_that_is_taken_and_a_library_that_is_not_there(monkeypatch):
     with socket.create_server(("127.0.0.1", 0)) as taken:
-        url = parse_tell(f"foxglove://127.0.0.1:{taken.getsockname()[1]}")
+        url = parse_publish_url(f"foxglove://127.0.0.1:{taken.getsockname()[1]}")
         with pytest.raises(OSError, match="Address already in use"):
             FoxgloveLive(url, SOURCE)
     for address, why in (("192.168.1.2:8765", r"\?open"), ("127.0.0.1:0", "no port")):
         with pytest.raises(GcsError, match=why):
-            parse_tell(f"foxglove://{address}")
+            parse_publish_url(f"foxglove://{address}")
     monkeypatch.setitem(sys.modules, "foxglove", None)
     with pytest.raises(GcsError, match=r"pip install 'rollcall-gcs\[foxglove\]'"):
-        parse_tell("foxglove://127.0.0.1:8765")
+        parse_publish_url("foxglove://127.0.0.1:8765")

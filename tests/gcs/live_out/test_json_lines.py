@@ -9,9 +9,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gcs.live_out.json_lines import BEHIND_BYTES, MOST_CLIENTS, MUTE_S, JsonTcp, JsonUdp, json_line
+from gcs.live_out.json_lines import BEHIND_BYTES, MAX_CLIENTS, MUTE_S, JsonTcp, JsonUdp, json_line
 from gcs.live_out.sink import SinkSource
-from gcs.live_out.sink_url import parse_tell
+from gcs.live_out.sink_url import parse_publish_url
 from gcs.session.box_table import json_row
 from gcs.snapshot import Alarm, Candidate
 from mavlink.geodesy import LocalFrame
@@ -77,7 +77,7 @@ def test_words_from_the_air_are_plain(words):
 def test_a_datagram_for_each_snapshot_and_none_that_is_too_large():
     with udp_socket() as reader:
         reader.settimeout(30)
-        sink = JsonUdp(parse_tell(f"json+udp://127.0.0.1:{reader.getsockname()[1]}"), SOURCE)
+        sink = JsonUdp(parse_publish_url(f"json+udp://127.0.0.1:{reader.getsockname()[1]}"), SOURCE)
         sink.write(replace(full(), boxes=tuple(box(i, 0) for i in range(1, 1000))))
         sink.write(full(4))
         assert json.loads(reader.recv(70_000))["frame"] == 4
@@ -86,7 +86,7 @@ def test_a_datagram_for_each_snapshot_and_none_that_is_too_large():
 
 
 def test_nobody_who_receives_datagrams_is_no_trouble():
-    sink = JsonUdp(parse_tell(f"json+udp://127.0.0.1:{free_port()}"), SOURCE)
+    sink = JsonUdp(parse_publish_url(f"json+udp://127.0.0.1:{free_port()}"), SOURCE)
     for frame in range(20):
         sink.write(full(frame))
     assert sink.sent == 20
@@ -94,7 +94,7 @@ def test_nobody_who_receives_datagrams_is_no_trouble():
 
 
 def test_clients_come_and_go_and_one_that_does_not_read_is_dropped():
-    url = parse_tell(f"json+tcp://127.0.0.1:{free_port(socket.SOCK_STREAM)}")
+    url = parse_publish_url(f"json+tcp://127.0.0.1:{free_port(socket.SOCK_STREAM)}")
     sink = JsonTcp(url, SOURCE)
     sink.write(full(0))
     assert sink.sent == 0
@@ -120,23 +120,23 @@ def test_clients_come_and_go_and_one_that_does_not_read_is_dropped():
 
 
 def test_clients_that_take_nothing_make_room_after_five_seconds():
-    url = parse_tell(f"json+tcp://127.0.0.1:{free_port(socket.SOCK_STREAM)}")
+    url = parse_publish_url(f"json+tcp://127.0.0.1:{free_port(socket.SOCK_STREAM)}")
     clock = [0.0]
     sink = JsonTcp(url, SOURCE, lambda: clock[0])
     large = replace(full(), vehicles=full().vehicles * 200)
     with ExitStack() as open_clients:
-        for _ in range(MOST_CLIENTS):
+        for _ in range(MAX_CLIENTS):
             mute = open_clients.enter_context(socket.socket())
             mute.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
             mute.connect((url.host, url.port))
-        assert until(lambda: sink.serve() or sink.clients == MOST_CLIENTS)
+        assert until(lambda: sink.serve() or sink.clients == MAX_CLIENTS)
         later = open_clients.enter_context(socket.create_connection((url.host, url.port), timeout=30))
         size = len(json_line(large, SOURCE))
         for frame in range(BEHIND_BYTES // 2 // size):
             sink.write(replace(large, frame=frame))
         clock[0] = MUTE_S - 0.1
         sink.serve()
-        assert sink.clients == MOST_CLIENTS
+        assert sink.clients == MAX_CLIENTS
         clock[0] = MUTE_S + 0.1
         sink.serve()
         assert until(lambda: sink.serve() or sink.clients == 1)
@@ -149,7 +149,7 @@ def test_clients_that_take_nothing_make_room_after_five_seconds():
 
 def test_a_port_that_is_taken_is_an_error_that_goes_away():
     with socket.create_server(("127.0.0.1", 0)) as taken:
-        url = parse_tell(f"json+tcp://127.0.0.1:{taken.getsockname()[1]}")
+        url = parse_publish_url(f"json+tcp://127.0.0.1:{taken.getsockname()[1]}")
         with pytest.raises(OSError, match="in use"):
             JsonTcp(url, SOURCE)
     JsonTcp(url, SOURCE).close()

@@ -17,7 +17,7 @@ from gcs.flight.plan import FlightPlan
 from gcs.live_out import live_out
 from gcs.live_out.live_out import LiveOut
 from gcs.live_out.sink import SinkSource
-from gcs.live_out.sink_url import parse_tell
+from gcs.live_out.sink_url import parse_publish_url
 from tests.support.bundled import SWARM
 from tests.support.command_line import OnTerminal, Terminal, heartbeat
 from tests.support.ports import free_port, udp_socket
@@ -45,7 +45,7 @@ def tell():
 
         def begin(latest, *urls):
             return stack.enter_context(
-                LiveOut(latest, tuple(map(parse_tell, urls)), SOURCE, lambda text, level: said.append(text))
+                LiveOut(latest, tuple(map(parse_publish_url, urls)), SOURCE, lambda text, level: said.append(text))
             ), said
 
         yield begin

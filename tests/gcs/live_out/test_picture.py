@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 from av.video.frame import PictureType
 
-from gcs.cli.sharing.telling import telling
+from gcs.cli.sharing.publishing import publishing
 from gcs.errors import GcsError
 from gcs.live_out.live_out import LiveOut
 from gcs.live_out.picture import MpegTsPicture, sdp
 from gcs.live_out.sink import SinkSource
-from gcs.live_out.sink_url import parse_show
+from gcs.live_out.sink_url import parse_stream_url
 from gcs.report.overlay import STANDING_RGB
 from tests.support.bundled import SWARM
 from tests.support.command_line import run_gcs
@@ -69,7 +69,7 @@ def has_ink(image):
 @pytest.mark.slow_but_first
 @pytest.mark.parametrize("scheme", ["udp", "rtp"])
 def test_a_receiver_sees_boxes_and_names_without_b_frames(scheme, tmp_path):
-    url = parse_show(f"{scheme}://127.0.0.1:{free_port()}")
+    url = parse_stream_url(f"{scheme}://127.0.0.1:{free_port()}")
     options = {}
     address = f"udp://127.0.0.1:{url.port}"
     if scheme == "rtp":
@@ -88,13 +88,13 @@ def test_a_receiver_sees_boxes_and_names_without_b_frames(scheme, tmp_path):
 
 
 def test_what_a_receiver_of_rtp_needs_is_written_once_and_nothing_is_written_over(tmp_path):
-    station, url = Station(), parse_show(f"rtp://127.0.0.1:{free_port()}")
+    station, url = Station(), parse_stream_url(f"rtp://127.0.0.1:{free_port()}")
     path = tmp_path / f"flight-{url.port}.sdp"
-    with telling(station, [url], SOURCE, tmp_path):
+    with publishing(station, [url], SOURCE, tmp_path):
         assert path.read_bytes() == sdp(url).encode()
     assert station.said == [("info", f"{url.text}: receivers open {path}")]
     path.write_text("mine")
-    with telling(station, [url], SOURCE, tmp_path):
+    with publishing(station, [url], SOURCE, tmp_path):
         level, text = station.said[-1]
     assert (level, path.read_text()) == ("warning", "mine")
     assert f"{path} is not written" in text
@@ -102,7 +102,7 @@ def test_what_a_receiver_of_rtp_needs_is_written_once_and_nothing_is_written_ove
 
 @pytest.mark.slow
 def test_a_picture_of_another_size_goes_on_in_the_same_stream():
-    url = parse_show(f"udp://127.0.0.1:{free_port()}?width=200")
+    url = parse_stream_url(f"udp://127.0.0.1:{free_port()}?width=200")
     stop = threading.Event()
 
     def send():
@@ -128,7 +128,7 @@ def test_a_picture_of_another_size_goes_on_in_the_same_stream():
 
 def test_names_that_may_change_are_not_shown(monkeypatch):
     sent = []
-    sink = MpegTsPicture(parse_show(f"udp://127.0.0.1:{free_port()}"), SOURCE)
+    sink = MpegTsPicture(parse_stream_url(f"udp://127.0.0.1:{free_port()}"), SOURCE)
     monkeypatch.setattr(sink, "_encode", sent.append)
     sink.write(shown(1))
     sink.write(replace(shown(2), provisional=True))
@@ -139,7 +139,7 @@ def test_names_that_may_change_are_not_shown(monkeypatch):
 @pytest.mark.parametrize("width", ["", "nan", "-1", "0", "1e3", "159", "99999", "9" * 40])
 def test_a_width_is_a_number_of_pixels(width):
     with pytest.raises(GcsError, match="width is a number of pixels from 160 to 7680"):
-        parse_show(f"udp://127.0.0.1:5600?width={width}")
+        parse_stream_url(f"udp://127.0.0.1:5600?width={width}")
 
 
 def test_a_wrong_address_is_one_line():

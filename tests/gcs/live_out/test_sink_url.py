@@ -3,13 +3,13 @@
 import pytest
 
 from gcs.errors import GcsError
-from gcs.live_out.sink_url import check_apart, parse_tell
+from gcs.live_out.sink_url import check_separate, parse_publish_url
 from tests.support.bundled import SWARM
 from tests.support.command_line import run_gcs
 
 
 def test_an_address_is_taken_apart():
-    url = parse_tell("json+tcp://0.0.0.0:5006?open")
+    url = parse_publish_url("json+tcp://0.0.0.0:5006?open")
     assert (url.scheme, url.host, url.port, url.text) == ("json+tcp", "0.0.0.0", 5006, "json+tcp://0.0.0.0:5006")
 
 
@@ -33,17 +33,17 @@ def test_an_address_is_taken_apart():
 )
 def test_what_is_no_address_is_one_clear_line(url, why):
     with pytest.raises(GcsError) as error:
-        parse_tell(url)
+        parse_publish_url(url)
     assert why in str(error.value)
     assert f"--publish {url}" in str(error.value)
 
 
 def test_nothing_else_goes_to_a_telemetry_link():
     links = ("udpin:0.0.0.0:14550", "/dev/ttyUSB0,57600", "udpout:192.168.1.3:14551?rw=11")
-    check_apart([parse_tell("json+udp://127.0.0.1:5005")], links)
+    check_separate([parse_publish_url("json+udp://127.0.0.1:5005")], links)
     for port in (14550, 14551):
         with pytest.raises(GcsError, match=f"port {port} is that of udp"):
-            check_apart([parse_tell(f"json+udp://127.0.0.1:{port}")], links)
+            check_separate([parse_publish_url(f"json+udp://127.0.0.1:{port}")], links)
 
 
 @pytest.mark.parametrize(

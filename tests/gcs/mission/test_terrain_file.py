@@ -87,7 +87,7 @@ def test_what_cannot_be_read_is_said(tmp_path, monkeypatch):
         with pytest.raises(ConfigError) as error:
             TerrainFile(tmp_path / name)
         assert str(error.value).startswith(f"{tmp_path / name}: ") and text in str(error.value)
-    monkeypatch.setattr(terrain_file, "MOST_CELLS", 100)
+    monkeypatch.setattr(terrain_file, "MAX_CELLS", 100)
     with pytest.raises(ConfigError, match="60 × 40 cells are too many"):
         TerrainFile(write_geotiff(tmp_path / "large.tif", grid(), *place))
 

@@ -8,7 +8,7 @@ import pytest
 
 from gcs.errors import ConfigError
 from gcs.mission.mission import load_mission
-from gcs.mission.tile_file import MOST_KEPT, MOST_SLOW, TILE_PX, TileFile
+from gcs.mission.tile_file import MAX_KEPT, MAX_SLOW, TILE_PX, TileFile
 from gcs.session.metadata import mission_table
 from tests.support.films.board_video import make_tiles, png
 
@@ -27,10 +27,10 @@ def test_a_tile_is_the_one_of_its_place(tmp_path):
 
 
 def test_few_tiles_are_kept(tmp_path):
-    tiles = TileFile(make_tiles(tmp_path / "a.mbtiles", {(9, n, 0): (n, n, n) for n in range(MOST_KEPT + 40)}))
-    for n in range(MOST_KEPT + 40):
+    tiles = TileFile(make_tiles(tmp_path / "a.mbtiles", {(9, n, 0): (n, n, n) for n in range(MAX_KEPT + 40)}))
+    for n in range(MAX_KEPT + 40):
         assert tiles.tile(9, n, 0)[0, 0, 0] == n
-    assert len(tiles._kept) == MOST_KEPT
+    assert len(tiles._kept) == MAX_KEPT
 
 
 @pytest.mark.parametrize("data", [b"", b"\x89PNG but no more", ONE_PIXEL, b"x" * 5_000_000, "text", None])
@@ -98,19 +98,19 @@ AS_VIEW = "CREATE VIEW tiles AS SELECT zoom_level, tile_column, tile_row, %s AS 
     ids=["endless notes", "endless tiles", "a gigabyte"],
 )
 def test_what_a_file_asks_of_the_database_is_bounded(tmp_path, monkeypatch, statements):
-    monkeypatch.setattr("gcs.mission.tile_file.MOST_OPEN_S", 0.3)
+    monkeypatch.setattr("gcs.mission.tile_file.MAX_OPEN_S", 0.3)
     path = spoil(make_tiles(tmp_path / "a.mbtiles", {(1, 0, 0): (1, 2, 3)}), *statements)
     with pytest.raises(ConfigError, match="cannot be read as MBTiles"):
         TileFile(path)
 
 
 def test_a_file_whose_tiles_take_too_long_is_left_alone(tmp_path, monkeypatch):
-    monkeypatch.setattr("gcs.mission.tile_file.MOST_READ_S", 0.05)
+    monkeypatch.setattr("gcs.mission.tile_file.MAX_READ_S", 0.05)
     slow = f"CASE tile_row WHEN 1 THEN ({ENDLESS} FROM n WHERE i < 0) ELSE tile_data END"
     path = make_tiles(tmp_path / "a.mbtiles", {(1, 0, 1): (1, 2, 3), **{(9, n, 510): (1, 2, 3) for n in range(5)}})
     tiles = TileFile(spoil(path, "ALTER TABLE tiles RENAME TO kept", AS_VIEW % slow))
     assert [tiles.tile(9, n, 510) is None for n in range(5)] == [True] * 5
-    assert tiles._slow == MOST_SLOW
+    assert tiles._slow == MAX_SLOW
 
 
 @pytest.mark.parametrize("sides", [(20_000, 20_000), (20_000, 1)])

@@ -6,7 +6,7 @@ from itertools import islice
 import pytest
 
 from gcs.errors import SessionError
-from gcs.fold.meeting import Meeting
+from gcs.fold.view_exchange import ViewExchange
 from gcs.playback.analysis import Analysis
 from gcs.playback.identification import identify_session
 from gcs.playback.in_step import _heard_in
@@ -49,8 +49,8 @@ def named(flight):
 def test_both_views_are_named(flight, named):
     out, calls = named
     (other,) = calls.other_views
-    assert (calls.films, other.films) == ("UAV", "UAV-2")
-    other.films = calls.films
+    assert (calls.uav_name, other.uav_name) == ("UAV", "UAV-2")
+    other.uav_name = calls.uav_name
     assert calls.of(2) is other and calls.of(1) is calls.of(3) is calls
     for folder in ("", "view-2"):
         found = score_files(flight / folder / "truth.csv", out / folder / "identity.csv")
@@ -74,14 +74,14 @@ def test_a_mission_of_one_camera_says_which_recordings_it_leaves_aside(flight, t
 
 @pytest.mark.slow
 def test_each_view_hears_what_the_others_took_before(flight, monkeypatch):
-    heard, told = [], Meeting.told
+    heard, told = [], ViewExchange.frames_of_others
 
     def noted(self, uav_id, frame):
         left = told(self, uav_id, frame)
         heard.append((uav_id, frame, {other: each[-1].frame for other, each in left.items()}))
         return left
 
-    monkeypatch.setattr(Meeting, "told", noted)
+    monkeypatch.setattr(ViewExchange, "frames_of_others", noted)
     analysis = Analysis(open_session(flight))
     try:
         list(islice(analysis.snapshots(images=False), 40))
@@ -98,8 +98,8 @@ def test_each_view_hears_what_the_others_took_before(flight, monkeypatch):
 def test_another_camera_that_breaks_off_costs_no_name(flight, monkeypatch):
     fold = Analysis.folded
 
-    def broken(self, seat, flown=()):
-        yield from islice(fold(self, seat, flown), 5)
+    def broken(self, exchange, flown=()):
+        yield from islice(fold(self, exchange, flown), 5)
         raise VideoError("view-2: torn")
 
     monkeypatch.setattr(Analysis, "folded", broken)

@@ -14,7 +14,7 @@ from gcs.playback.as_flown import FlownReports
 from gcs.report.page.flight_report import Provenance, flight_report
 from gcs.report.page.flight_summary import FlightSummary
 from gcs.report.page.map_drawing import draw_map
-from gcs.report.page.stills import MOST, Stills
+from gcs.report.page.stills import MAX_STILLS, Stills
 from gcs.report.page.timeline import draw_sources
 from gcs.report.score import Matched
 from gcs.snapshot import Alarm, Event
@@ -67,7 +67,7 @@ def report(snapshots, matched=None, name="x"):
         record.add(each.t_us, each)
         told.add(each.t_us, each.events, each.alarms)
         stills.add(each)
-    record.tell(told.spans(), told.events())
+    record.set_reports(told.spans(), told.events())
     about = Provenance(name=name, lacks=(name,), settings={name: name}, files={name: name}, imported=((name, name),))
     return flight_report(record, stills, matched, about)
 
@@ -166,7 +166,7 @@ def test_pictures_are_few_whatever_happens():
         event = Event(t_us=1, level="warning", kind="identity", text="a name changed")
         stills.add(snapshot(20 * k, boxes=[box(k + 1, 2)], image=image, events=[event]))
     drawn = stills.drawn(record)
-    assert 1 <= drawn.count("<img") <= sum(MOST.values())
+    assert 1 <= drawn.count("<img") <= sum(MAX_STILLS.values())
     assert len(drawn) < 2_000_000
 
 

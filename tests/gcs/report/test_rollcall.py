@@ -69,13 +69,13 @@ def test_frames_that_nobody_looked_at_are_told_and_count_for_nothing():
     looked = list(flown(**POSITIONED | {"in_view": True}))
     held = [replace(each, frame=each.frame + 5, t_us=each.t_us + 500_000) for each in looked]
     calls = called([*looked, *held])
-    calls.end(12)
+    calls.set_frame_count(12)
     assert (calls.frames, calls.skipped_frames, calls.boxes) == (5, 7, 5)
     assert [row.frames_in_view for row in calls.rows()] == [5, 5]
     assert calls.skipped == "7 more frames came and were not looked at"
-    calls.end(12, as_flown=False)
+    calls.set_frame_count(12, as_flown=False)
     assert calls.skipped == "7 more frames have no boxes: nothing was found in them, or nobody looked"
-    calls.end(5, as_flown=False)
+    calls.set_frame_count(5, as_flown=False)
     assert calls.skipped == ""
 
 

@@ -13,12 +13,12 @@ from gcs.mission.mission import load_mission
 from gcs.playback.analysis import Analysis
 from gcs.playback.moments import QUIET_US
 from gcs.report.score import score_files
-from gcs.session.clock_steps import MOST_STEPS, ClockSteps
-from gcs.session.frame_tables import MOST_MISSING, read_detections, read_times
+from gcs.session.clock_steps import MAX_STEPS, ClockSteps
+from gcs.session.frame_tables import MAX_MISSING, read_detections, read_times
 from gcs.session.identity_log import read_identity
 from gcs.session.identity_replay import read_snapshots
 from gcs.session.session import open_session
-from gcs.session.tables import MOST_BOXES, read_table
+from gcs.session.tables import MAX_BOXES, read_table
 from infra.session_format import TableFormat
 from tests.support.bundled import swarm_session
 from tests.support.command_line import run_gcs
@@ -104,7 +104,7 @@ def test_a_frame_index_asks_for_no_memory(tmp_path, frame):
     assert times.times_us.tolist() == [T0 + 40_000 * k for k in range(50)]
     assert times.skipped == 1
     assert peak < 4 << 20
-    path.write_text(f"frame,time_us\n{MOST_MISSING * 2},{T0}\n")
+    path.write_text(f"frame,time_us\n{MAX_MISSING * 2},{T0}\n")
     with pytest.raises(SessionError, match="no frame in it that could be"):
         read_times(path)
 
@@ -159,11 +159,9 @@ def test_shuffled_frames_are_sorted_and_told(tmp_path):
 def test_boxes_without_end_in_one_frame_are_cut_off(tmp_path):
     path = tmp_path / "detections.csv"
     row = ",1,2,3,4,0,0.5,\n"
-    path.write_text(
-        "frame,cx,cy,w,h,angle,score,heading\n" + f"3{row}" * (MOST_BOXES + 50) + f"4{row}" * 10 + f"3{row}"
-    )
+    path.write_text("frame,cx,cy,w,h,angle,score,heading\n" + f"3{row}" * (MAX_BOXES + 50) + f"4{row}" * 10 + f"3{row}")
     boxes = read_detections(path)
-    assert (len(boxes.at(3)), len(boxes.at(4)), boxes.skipped) == (MOST_BOXES, 10, 51)
+    assert (len(boxes.at(3)), len(boxes.at(4)), boxes.skipped) == (MAX_BOXES, 10, 51)
 
 
 def test_memory_is_some_times_the_file(tmp_path):
@@ -213,8 +211,8 @@ def test_an_identity_log_of_others_is_shown_as_far_as_it_goes(tmp_path):
 
 
 def test_a_clock_set_without_end_is_followed_so_far(tmp_path):
-    (tmp_path / "clock.csv").write_text("record,t_us,offset_us,step_us\n" + f"5,{T0},1,2000000\n" * (3 * MOST_STEPS))
-    assert len(ClockSteps.read(tmp_path / "clock.csv")) == MOST_STEPS
+    (tmp_path / "clock.csv").write_text("record,t_us,offset_us,step_us\n" + f"5,{T0},1,2000000\n" * (3 * MAX_STEPS))
+    assert len(ClockSteps.read(tmp_path / "clock.csv")) == MAX_STEPS
 
 
 @pytest.mark.parametrize(

@@ -144,7 +144,7 @@ def test_a_uav_that_becomes_known_later_is_sent_to_from_then_on(receiver):
     sent: list[tuple[int, bytes, int]] = []
     for known, sequence in ((False, 1), (True, 2)):
         if known:
-            forwarder.know((1, 7), 1)
+            forwarder.set_fleet((1, 7), 1)
         receiver.answer(command(MavlinkEncoder(255, 190), 1))
         settle(forwarder, sent, sequence)
         assert len(sent) == known

@@ -13,7 +13,7 @@ import pytest
 
 from infra.files.segment import segments
 from mavlink.ingest.plan import Signing
-from mavlink.links.udp import LEAST_BUFFER_BYTES
+from mavlink.links.udp import MIN_BUFFER_BYTES
 from mavlink.protocol.encoder import MavlinkEncoder
 from mavlink.signing.keys import write_key
 from tests.support.frames import heartbeats
@@ -181,7 +181,7 @@ def test_who_does_not_read_loses_packets_that_are_counted_and_in_the_log(started
 @pytest.mark.skipif(not sys.platform.startswith("linux"), reason="Linux's socket filters")
 def test_a_flood_of_strangers_costs_no_known_vehicle_a_packet(started, sender, tmp_path):
     ingest, port = started(system_ids=range(1, 21))
-    if ingest.health().links[0].buffer_bytes < LEAST_BUFFER_BYTES:
+    if ingest.health().links[0].buffer_bytes < MIN_BUFFER_BYTES:
         pytest.skip("this system grants too small a receive buffer: see net.core.rmem_max")
     code = (
         "import socket\n"

@@ -3,10 +3,11 @@ import dataclasses
 import numpy as np
 import pytest
 
-from sim.telemetry.detections import DetectorModel, wrapped
+from sim.telemetry.detections import DetectorModel
 from sim.telemetry.sensors import Sensors, gauss_markov, lasting_error, report_noise
 from sim.world.boxes import true_boxes
 from sim.world.earth import to_geodetic
+from sim.world.motion import wrapped
 from sim.world.presets import nominal
 from sim.world.scenario import (
     Blackout,

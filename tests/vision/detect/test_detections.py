@@ -3,7 +3,7 @@
 import numpy as np
 
 from tests.support.snapshots import boxes
-from vision.detect.detections import MOST_WEAK
+from vision.detect.detections import MAX_WEAK
 
 
 def test_of_many_weak_boxes_the_best_are_kept():
@@ -13,7 +13,7 @@ def test_of_many_weak_boxes_the_best_are_kept():
     strong = score[score >= 0.5]
     np.testing.assert_array_equal(useful.at_least(0.5).score, strong)
     weak = np.sort(useful.score[useful.score < 0.5])
-    np.testing.assert_array_equal(weak, np.sort(score[score < 0.5])[-MOST_WEAK:])
+    np.testing.assert_array_equal(weak, np.sort(score[score < 0.5])[-MAX_WEAK:])
     # in the order in which they came
     assert (np.diff(useful.cx) > 0).all()
 

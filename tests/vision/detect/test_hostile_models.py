@@ -5,18 +5,18 @@ import tracemalloc
 import numpy as np
 import pytest
 
-from gcs.fold.pipeline import MOST_BOXES, Pipeline
+from gcs.fold.pipeline import MAX_BOXES, Pipeline
 from gcs.playback.analysis import Analysis
 from gcs.session.session import open_session
 from tests.support.bundled import ROOT
 from tests.support.onnx_models import ANCHORS, ANY, FLOAT, NAMES, UINT8, black, classifier, model, raw, suppressed, yolo
 from vision.detect import decode_yolo, yolo_layout
 from vision.detect.boxes import prob_iou, prob_iou_pairs
-from vision.detect.decode_yolo import MOST_CANDIDATES, fast_nms
+from vision.detect.decode_yolo import MAX_CANDIDATES, fast_nms
 from vision.detect.detections import Detections
 from vision.detect.detector import open_detector
 from vision.detect.front import open_front_classifier
-from vision.detect.tiles import MOST_COMPARED, detect_in_tiles, tile_grid
+from vision.detect.tiles import MAX_COMPARED, detect_in_tiles, tile_grid
 from vision.errors import ModelError
 from vision.track.tracker import Tracker
 
@@ -66,7 +66,7 @@ def test_names_that_are_no_text_and_pages_of_them_are_one_line(tmp_path):
 
 @pytest.mark.parametrize("told", [None, ["b", "n", 3]])
 def test_an_answer_larger_than_any_is_refused(tmp_path, monkeypatch, told):
-    monkeypatch.setattr(yolo_layout, "MOST_VALUES", 8 * ANCHORS - 1)
+    monkeypatch.setattr(yolo_layout, "MAX_VALUES", 8 * ANCHORS - 1)
     with pytest.raises(ModelError, match="has more than"):
         yolo(tmp_path, raw(), told=told)
 
@@ -91,11 +91,11 @@ def test_thousands_of_boxes_take_bounded_work(tmp_path, monkeypatch, form, apart
     monkeypatch.setattr(decode_yolo, "fast_nms", suppress)
     monkeypatch.setattr(decode_yolo, "prob_iou_pairs", overlaps)
     found = detector.detect(black())
-    assert set(entered) == {MOST_CANDIDATES}
+    assert set(entered) == {MAX_CANDIDATES}
     # the best boxes drop most of the others before those are compared: all pairs would be a thousand to each box
     assert sum(pairs) < 50 * sum(entered)
     assert 0 < len(found) <= 300
-    assert detector.dropped.surplus >= len(boxes) - MOST_CANDIDATES
+    assert detector.dropped.surplus >= len(boxes) - MAX_CANDIDATES
 
 
 def test_suppression_drops_what_it_always_dropped():
@@ -117,7 +117,7 @@ def test_tiles_full_of_boxes_are_compared_in_bounded_memory():
     found = detect_in_tiles(image, tiles, lambda parts: [full] * len(parts))
     peak = tracemalloc.get_traced_memory()[1]
     tracemalloc.stop()
-    assert len(tiles) * 300 > MOST_COMPARED
+    assert len(tiles) * 300 > MAX_COMPARED
     assert 1 <= len(found) <= len(tiles)
     assert peak < 300 << 20
 
@@ -142,9 +142,9 @@ def test_an_image_full_of_boxes_is_cut_to_the_best_and_told_once(monkeypatch):
     for frame in range(5):
         snapshot = pipeline.add_frame(frame, int(analysis.times_us[frame]), detections=boxes)
         told += [event.text for event in snapshot.events if "boxes in a frame" in event.text]
-    assert tracked == [MOST_BOXES] * 5, "no more is worked on"
-    assert len(snapshot.boxes) <= MOST_BOXES
-    assert told == [f"{count} boxes in a frame, only the {MOST_BOXES} best count: the detector sees what is not there"]
+    assert tracked == [MAX_BOXES] * 5, "no more is worked on"
+    assert len(snapshot.boxes) <= MAX_BOXES
+    assert told == [f"{count} boxes in a frame, only the {MAX_BOXES} best count: the detector sees what is not there"]
     analysis.close()
 
 

@@ -8,7 +8,7 @@ import pytest
 
 from tests.support.films.labelled import found_of, truth_of
 from vision.evaluation import LabelledImage, evaluate
-from vision.evaluation.apart_sheet import BOX, COLUMNS, LABEL, TILE_PX, TITLE_PX, apart_sheet, odd_ones
+from vision.evaluation.apart_sheet import BOX, COLUMNS, LABEL, TILE_PX, TITLE_PX, apart_sheet, disagreements
 from vision.evaluation.centres import match_centres
 from vision.evaluation.comparison import compare
 from vision.evaluation.matching import ASIDE, FALSE_ALARM
@@ -135,9 +135,9 @@ def test_what_only_one_finds_is_shown_best_first():
         [[60.0, 60.0, 40.0, 20.0, 0.0], [160.0, 60.0, 40.0, 20.0, 0.0], [60.0, 160.0, 40.0, 20.0, 0.0]], [0.5, 0.8, 0.7]
     )
     other = found_of(boxes, [])
-    found, alarms = odd_ones([one], [other], [truth], 0.3)
+    found, alarms = disagreements([one], [other], [truth], 0.3)
     assert [o.score for o in found] == [0.8, 0.5] and [o.score for o in alarms] == [0.7]
-    assert odd_ones([other], [one], [truth], 0.3) == ([], [])
+    assert disagreements([other], [one], [truth], 0.3) == ([], [])
     image = LabelledImage(name="a.png", read=lambda: np.full((200, 220, 3), 90, np.uint8), truth=truth)
     sheet = apart_sheet([image], [("only the first finds", found), ("nothing", [])])
     assert sheet.shape == (2 * (TITLE_PX + TILE_PX), COLUMNS * TILE_PX, 3)
@@ -150,5 +150,5 @@ def test_what_only_one_finds_is_shown_best_first():
 def test_false_alarms_that_both_raise_are_no_difference():
     truth, alarm = truth_of([]), [60.0, 160.0, 40.0, 20.0, 0.0]
     near = [64.0, 163.0, 44.0, 18.0, 0.1]
-    assert odd_ones([found_of([alarm], [0.7])], [found_of([near], [0.4])], [truth], 0.3) == ([], [])
-    assert len(odd_ones([found_of([alarm], [0.7])], [found_of([near], [0.2])], [truth], 0.3)[1]) == 1
+    assert disagreements([found_of([alarm], [0.7])], [found_of([near], [0.4])], [truth], 0.3) == ([], [])
+    assert len(disagreements([found_of([alarm], [0.7])], [found_of([near], [0.2])], [truth], 0.3)[1]) == 1

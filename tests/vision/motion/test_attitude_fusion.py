@@ -195,7 +195,7 @@ def test_many_tracks_cost_no_more_than_a_few():
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(lag_search, "_residuals", counted)
         Sway(vehicles=60, seconds=8.0, searched=True).fly()
-    assert longest and max(longest) == lag_search.MOST_TRACKS
+    assert longest and max(longest) == lag_search.MAX_TRACKS
 
 
 def test_good_attitude_is_not_made_worse():

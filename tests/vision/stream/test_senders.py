@@ -9,7 +9,7 @@ import pytest
 
 from tests.support.video_senders import FPS, GOP, coded, packed
 from vision.stream.messages import Sender
-from vision.stream.senders import BLIND_S, MOST_PROVEN, PATIENCE_S, TAKEOVER_S, Senders
+from vision.stream.senders import BLIND_S, MAX_PROVEN, PATIENCE_S, TAKEOVER_S, Senders
 from vision.stream.trial import Trial
 
 CLIP = 400
@@ -174,10 +174,10 @@ def test_many_senders_of_junk_keep_no_camera_out(hosts):
 
 
 def test_those_who_have_shown_a_picture_are_bounded_and_the_first_stay():
-    films = [film(coded(60), (f"10.0.2.{k}", 5000), begin_s=3.0 * k) for k in range(MOST_PROVEN + 4)]
+    films = [film(coded(60), (f"10.0.2.{k}", 5000), begin_s=3.0 * k) for k in range(MAX_PROVEN + 4)]
     play = Play(film(coded(1000), CAMERA), *films)
     assert [sender.host for _, sender in play.turns] == [CAMERA[0]]
-    assert len(play.senders.proven) == MOST_PROVEN and play.senders.proven[0].host == CAMERA[0]
+    assert len(play.senders.proven) == MAX_PROVEN and play.senders.proven[0].host == CAMERA[0]
 
 
 def test_a_process_that_was_replaced_knows_who_was_first():

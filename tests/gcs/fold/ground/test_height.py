@@ -225,7 +225,7 @@ def test_altitudes_that_the_film_contradicts_are_left_out_at_once(off_m):
     seen = Witnesses(np.full(5, off_m) + np.linspace(-1.0, 1.0, 5)).run(1.0)
     used = seen.heights.ground.z
     assert abs(used - off_m) < 3.0 and any(abs(m - off_m) < 3.0 for m in seen.heights.ground.other_heights_m)
-    seen.heights.hear_film(used, 1.0)
+    seen.heights.compare_with_film(used, 1.0)
     seen.run(0.1)
     assert seen.heights.ground.z == pytest.approx(0.0, abs=1.0) == used + seen.heights.step_m
     assert seen.heights.ground.other_heights_m == ()
@@ -240,7 +240,7 @@ def test_altitudes_that_the_film_contradicts_are_left_out_at_once(off_m):
 
 def test_the_slope_is_still_that_of_altitudes_whose_level_is_wrong():
     seen = Witnesses(np.full(5, 48.0), slope=0.04).run(3.0)
-    seen.heights.hear_film(seen.heights.ground.z, 1.0)
+    seen.heights.compare_with_film(seen.heights.ground.z, 1.0)
     ground = seen.run(5.0).heights.ground
     assert ground.slope[0] == pytest.approx(0.04, abs=0.015)
     assert all(abs(m) < 0.5 for m in ground.bumps.values())
@@ -249,7 +249,7 @@ def test_the_slope_is_still_that_of_altitudes_whose_level_is_wrong():
 def test_a_take_off_that_the_film_contradicts_is_left_out():
     seen = Witnesses([-30.0, -31.0, -29.0], range_m=90.0).run(1.0)
     z = seen.heights.ground.z
-    seen.heights.hear_film(z + 30.0, 1.0)
+    seen.heights.compare_with_film(z + 30.0, 1.0)
     seen.run(0.1)
     assert seen.texts()[-1] == "the take-off is 30 m too high by the film: it is not used for the height of the ground"
     assert seen.heights.ground.z == pytest.approx(-30.0, abs=1.0)
@@ -257,7 +257,7 @@ def test_a_take_off_that_the_film_contradicts_is_left_out():
 
 def test_where_the_film_contradicts_all_it_tells_the_height_itself():
     seen = Witnesses(np.full(4, -70.0)).run(1.0)
-    seen.heights.hear_film(seen.heights.ground.z + 20.0, 1.0)
+    seen.heights.compare_with_film(seen.heights.ground.z + 20.0, 1.0)
     seen.run(5.0)
     assert seen.heights.ground.z == pytest.approx(-20.0, abs=0.5) and 1.5 < seen.heights.ground.std_m < 4.0
     assert len(seen.texts()) == 2
@@ -265,7 +265,7 @@ def test_where_the_film_contradicts_all_it_tells_the_height_itself():
 
 def test_a_film_that_agrees_changes_nothing():
     seen, alone = Witnesses([1.0, 2.0, 0.0]).run(1.0), Witnesses([1.0, 2.0, 0.0]).run(1.0)
-    seen.heights.hear_film(1.5, 1.0)
+    seen.heights.compare_with_film(1.5, 1.0)
     assert seen.run(1.0).heights.ground.z == alone.run(1.0).heights.ground.z and not seen.texts()
 
 
@@ -295,7 +295,7 @@ def test_altitudes_alone_may_count_from_another_level_until_the_film_tells(heigh
     ground = seen.run(1.0).heights.ground
     assert ground.z == pytest.approx(30.0, abs=0.5) and ground.other_heights_m == (36.0,)
     assert ground.is_doubtful_below(60.0)
-    seen.heights.hear_film(30.0, 1.0)
+    seen.heights.compare_with_film(30.0, 1.0)
     ground = seen.run(0.1).heights.ground
     assert ground.z == pytest.approx(0.0, abs=0.5) and ground.other_heights_m == ()
     assert not ground.is_doubtful_below(100.0)

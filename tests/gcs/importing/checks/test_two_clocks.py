@@ -78,11 +78,11 @@ DATE = 1_760_000_000_000_000
 )
 def test_a_date_beside_another_clock(t_us, ahead_us, said):
     lead = clock_lead("date", "film", DATE + t_us + np.rint(ahead_us).astype(np.int64), t_us)
-    assert lead.told == ((said,) if said else ())
+    assert lead.notes == ((said,) if said else ())
     assert np.abs(np.median(lead.longest_us) - DATE) <= 101_000
 
 
 def test_dates_of_whole_seconds_a_second_apart_are_cut_in_subtitles():
     t_us = SECONDS + SECONDS // 50
     lead = clock_lead("date", "film", DATE + t_us // 1_000_000 * 1_000_000, t_us, cut=True)
-    assert lead.told == ("date is cut to whole seconds: ±0.50 s",)
+    assert lead.notes == ("date is cut to whole seconds: ±0.50 s",)

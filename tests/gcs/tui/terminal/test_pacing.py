@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import pytest
 
-from gcs.tui.terminal.pacing import FIRST_BYTES, LEAST_BYTES, LOST_S, MOST_BYTES, QUEUE_S, Pacing
+from gcs.tui.terminal.pacing import FIRST_BYTES, LOST_S, MAX_BYTES, MIN_BYTES, QUEUE_S, Pacing
 
 
 def begun(delay_s: float) -> Pacing:
@@ -43,15 +43,15 @@ def test_a_line_is_used_and_its_queue_stays_short(rate, delay_s):
     pacing = begun(delay_s)
     shown, most, longest = carry(pacing, rate, delay_s, warm_s=5.0, seconds=25.0)
     assert shown > 0.6 * rate * 20
-    assert most <= max(LEAST_BYTES, 1.5 * rate * (2 * QUEUE_S + delay_s))
-    assert longest <= delay_s + 2.5 * max(QUEUE_S, LEAST_BYTES / rate)
+    assert most <= max(MIN_BYTES, 1.5 * rate * (2 * QUEUE_S + delay_s))
+    assert longest <= delay_s + 2.5 * max(QUEUE_S, MIN_BYTES / rate)
 
 
 def test_a_quick_terminal_is_not_held_up():
     pacing = begun(0.001)
     carry(pacing, 50e6, 0.001, warm_s=0.0, seconds=1.0)
     assert pacing.window > 500_000
-    assert pacing.window <= MOST_BYTES
+    assert pacing.window <= MAX_BYTES
 
 
 def test_a_terminal_that_never_replies_is_paced_by_what_the_system_takes():

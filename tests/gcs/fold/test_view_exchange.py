@@ -7,7 +7,7 @@ import pytest
 
 from assoc.other_views.reconcile import Cause
 from assoc.records import Sighting
-from gcs.fold.meeting import Meeting, _words
+from gcs.fold.view_exchange import ViewExchange, _words
 from mavlink.geodesy import LocalFrame
 
 HERE, THERE = LocalFrame(48.1, 11.6, 550.0), LocalFrame(48.1, 11.603, 540.0)
@@ -40,12 +40,12 @@ def seen(t_us, origin, p):
 )
 def test_a_view_hears_another_one_in_its_own_world(heard, fleet, until):
     notes = []
-    meeting = Meeting(heard)
-    first, second = (meeting.seat(k, lambda *note: notes.append(note)) for k in (1, 2))
+    exchange = ViewExchange(heard)
+    first, second = (exchange.join(k, lambda *note: notes.append(note)) for k in (1, 2))
     for frame in range(5):
         told = second.answers(frame, THERE, fleet, seen(100_000 * frame, THERE, SURE))
         assert np.array_equal(told, SURE), "nobody told it anything"
-    assert meeting.newest(2) == 4 and not notes
+    assert exchange.newest(2) == 4 and not notes
     p = first.answers(9, HERE, IDS, seen(420_000, HERE, EVEN))
     assert notes == ([] if until is None else [(9, 2, until)])
     if until is None or fleet != IDS:
@@ -53,12 +53,12 @@ def test_a_view_hears_another_one_in_its_own_world(heard, fleet, until):
     else:
         assert np.argmax(p, axis=1).tolist() == [0, 1, 2] and np.min(np.max(p, axis=1)) > 0.8
     # what it heard it does not tell on
-    assert np.array_equal(meeting.told(2, 5)[1][-1].sighting.p, EVEN) if heard is None else True
+    assert np.array_equal(exchange.frames_of_others(2, 5)[1][-1].sighting.p, EVEN) if heard is None else True
 
 
 def test_what_was_seen_elsewhere_is_not_the_same():
-    meeting = Meeting()
-    first, second = meeting.seat(1), meeting.seat(2)
+    exchange = ViewExchange()
+    first, second = exchange.join(1), exchange.join(2)
     far = replace(seen(0, HERE, SURE), place=seen(0, HERE, SURE).place + 60.0)
     second.answers(0, HERE, IDS, far)
     assert np.allclose(first.answers(0, HERE, IDS, seen(0, HERE, EVEN)), EVEN)

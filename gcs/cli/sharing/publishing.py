@@ -1,4 +1,4 @@
-"""``--publish`` and ``--stream``: what a flight or a replay tells others while it runs."""
+"""``--publish`` and ``--stream``: what a flight or a replay publishes while it runs."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ import typer
 from gcs.errors import GcsError
 from gcs.live_out.live_out import LiveOut
 from gcs.live_out.sink import SinkSource
-from gcs.live_out.sink_url import SinkUrl, check_apart, parse_show, parse_tell
+from gcs.live_out.sink_url import SinkUrl, check_separate, parse_publish_url, parse_stream_url
 from gcs.snapshot import Event, Snapshot
 from gcs.station import Station
 from infra.files.safe_open import create, read_small
 from infra.wall_clock import now_us
 from mavlink.state import Level
 
-Tell = Annotated[
+Publish = Annotated[
     list[str] | None,
     typer.Option(
         "--publish",
@@ -33,7 +33,7 @@ Tell = Annotated[
 ]
 
 
-Show = Annotated[
+Stream = Annotated[
     str | None,
     typer.Option(
         "--stream",
@@ -44,41 +44,43 @@ Show = Annotated[
 ]
 
 
-def parse_sinks(tell: Sequence[str] | None, show: str | None = None, links: Sequence[str] = ()) -> tuple[SinkUrl, ...]:
+def parse_sinks(
+    publish: Sequence[str] | None, stream: str | None = None, links: Sequence[str] = ()
+) -> tuple[SinkUrl, ...]:
     """The addresses of these options, each once.
 
     Args:
-        tell: of ``--publish``.
-        show: of ``--stream``.
-        links: URLs of the flight's links and outputs, which nothing else may be told at.
+        publish: of ``--publish``.
+        stream: of ``--stream``.
+        links: URLs of the flight's links and outputs, to which nothing else may be sent.
 
     Raises:
         GcsError: one is no address, is given twice, or is that of a link.
     """
-    sinks = (*map(parse_tell, tell or ()), *([] if show is None else [parse_show(show)]))
+    sinks = (*map(parse_publish_url, publish or ()), *([] if stream is None else [parse_stream_url(stream)]))
     places = [(sink.host, sink.port) for sink in sinks]
     for sink, place in zip(sinks, places, strict=True):
         if places.count(place) > 1:
             raise GcsError(f"{sink.text}: given twice; take a port for each")
     if sinks:
-        check_apart(sinks, links)
+        check_separate(sinks, links)
     return sinks
 
 
 @contextlib.contextmanager
-def telling(
+def publishing(
     station: Station,
     sinks: Sequence[SinkUrl],
     source: SinkSource,
     folder: Path,
     latest: Callable[[], Snapshot | None] | None = None,
 ) -> Iterator[None]:
-    """While this lasts others are told of the station; trouble with that is an event, once.
+    """Send a station's snapshots to others while the context lasts; trouble with that is an event, once.
 
     Args:
         sinks: of :func:`parse_sinks`.
         folder: where a file goes that receivers of a stream need.
-        latest: the newest snapshot to tell of; None: the one on show.
+        latest: the newest snapshot to publish; None: the one on show.
 
     Raises:
         GcsError: the system starts no process for it.
@@ -104,7 +106,7 @@ def telling(
 
 
 def _describe(sink: SinkUrl, path: Path, report: Callable[[str, Level], None]) -> None:
-    """Writes what a receiver of an RTP stream has to know; what is there already stays."""
+    """Write what a receiver of an RTP stream has to know; what is there already stays."""
     from gcs.live_out.picture import sdp  # the video library takes its time, and lines do without
 
     try:

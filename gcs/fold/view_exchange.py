@@ -1,4 +1,4 @@
-"""Meeting of the folds of a flight's cameras: each leaves what it has by itself, and hears what the others left.
+"""Exchange between the folds of a flight's cameras: each shares what it found by itself, and uses what others shared.
 
 Which frames of the others a frame heard is up to who folds: in flight the newest that are folded, and these are
 recorded; of a recording the same ones again.
@@ -24,16 +24,16 @@ from mavlink.geodesy import LocalFrame
 
 FloatArray = NDArray[np.float64]
 
-_MOST_KEPT = 256
+_MAX_KEPT = 256
 """Frames of a view that are kept for the others: some seconds."""
 _LAST_US = 2_500_000
-"""Time of a view's last frames that is told, µs."""
+"""Time of a view's last frames that others are given, µs."""
 _SIDE_M = 1000.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class _Left:
-    """A frame as a view left it."""
+class _SharedFrame:
+    """A frame as a view shared it with the others."""
 
     frame: int
     sighting: Sighting
@@ -43,8 +43,8 @@ class _Left:
     """Objects that its tracks were before it heard the others."""
 
 
-class Meeting:
-    """The views of a flight, by the system id of the aircraft that carries each.
+class ViewExchange:
+    """Frames that the views of a flight share, by the system id of the aircraft that carries each.
 
     Args:
         heard: which frame of each other view counts for a frame of one: system id and frame in, frames by system id
@@ -53,78 +53,65 @@ class Meeting:
 
     def __init__(self, heard: Callable[[int, int], Mapping[int, int]] | None = None) -> None:
         self._heard = heard
-        self._left: dict[int, deque[_Left]] = {}
+        self._shared: dict[int, deque[_SharedFrame]] = {}
 
-    def seat(self, system_id: int, note: Callable[[int, int, int], None] = lambda *heard: None) -> Seat:
-        """The place of a view among the others.
+    def join(self, system_id: int, note: Callable[[int, int, int], None] = lambda *heard: None) -> ExchangeMember:
+        """Join a view to the others.
 
         Args:
             system_id: of its aircraft.
             note: called with a frame, the aircraft of another view and the frame of that one that it heard.
         """
-        return Seat(self, system_id, note)
+        return ExchangeMember(self, system_id, note)
 
     def newest(self, system_id: int) -> int:
-        """The last frame that a view left; -1: none."""
-        left = self._left.get(system_id)
-        return left[-1].frame if left else -1
+        """The last frame that a view shared; -1: none."""
+        shared = self._shared.get(system_id)
+        return shared[-1].frame if shared else -1
 
-    def leave(self, system_id: int, left: _Left) -> None:
+    def share(self, system_id: int, shared: _SharedFrame) -> None:
         """Keep what a view has of a frame."""
-        self._left.setdefault(system_id, deque(maxlen=_MOST_KEPT)).append(left)
+        self._shared.setdefault(system_id, deque(maxlen=_MAX_KEPT)).append(shared)
 
-    def told(self, system_id: int, frame: int) -> Mapping[int, Sequence[_Left]]:
+    def frames_of_others(self, system_id: int, frame: int) -> Mapping[int, Sequence[_SharedFrame]]:
         """The last frames of each other view that a view hears at a frame."""
-        others = [other for other in self._left if other != system_id]
+        others = [other for other in self._shared if other != system_id]
         until = (
             {other: self.newest(other) for other in others} if self._heard is None else self._heard(system_id, frame)
         )
         return {other: last for other, newest in until.items() if (last := self._until(other, newest))}
 
-    def _until(self, system_id: int, frame: int) -> list[_Left]:
-        left = [each for each in self._left.get(system_id, ()) if each.frame <= frame]
+    def _until(self, system_id: int, frame: int) -> list[_SharedFrame]:
+        left = [each for each in self._shared.get(system_id, ()) if each.frame <= frame]
         return list(dropwhile(lambda each: each.sighting.t_us < left[-1].sighting.t_us - _LAST_US, left))
 
 
-class Seat:
-    """Place of one view among the others: it tells them and hears them.
+class ExchangeMember:
+    """One view in the exchange: it shares what it found and uses what others found."""
 
-    Args:
-        meeting: of all.
-        system_id: of the view's aircraft.
-        note: as of :meth:`Meeting.seat`.
-    """
-
-    def __init__(self, meeting: Meeting, system_id: int, note: Callable[[int, int, int], None]) -> None:
-        self._meeting, self._system_id, self._note = meeting, system_id, note
+    def __init__(self, exchange: ViewExchange, system_id: int, note: Callable[[int, int, int], None]) -> None:
+        self._exchange, self._system_id, self._note = exchange, system_id, note
         self._hearing, self._system_ids = Hearing(), tuple[int, ...]()
         self._first_seen = FirstSeenTracks(system_id)
         self._moves: dict[LocalFrame, tuple[LocalFrame, FloatArray, FloatArray]] = {}
 
     def answers(self, frame: int, origin: LocalFrame, system_ids: tuple[int, ...], mine: Sighting) -> FloatArray:
-        """(m, n + 1) what the tracks of a frame are by all that views know; the others hear what this one has.
-
-        Args:
-            frame: its index.
-            origin: of the world in which its places are.
-            system_ids: who can be named.
-            mine: what the view has by itself.
-        """
+        """(m, n + 1) what the tracks of a frame are by all that views know; share with the others what this one has."""
         if system_ids != self._system_ids:  # what was heard is of the fleet as it was
             self._hearing, self._system_ids = Hearing(), system_ids
-        told = self._meeting.told(self._system_id, frame)
-        for other, last in told.items():
+        theirs = self._exchange.frames_of_others(self._system_id, frame)
+        for other, last in theirs.items():
             self._note(frame, other, last[-1].frame)
         mine_before = self._first_seen.all
-        left = _Left(frame=frame, sighting=mine, origin=origin, system_ids=system_ids, first_seen=mine_before)
-        self._meeting.leave(self._system_id, left)
+        left = _SharedFrame(frame=frame, sighting=mine, origin=origin, system_ids=system_ids, first_seen=mine_before)
+        self._exchange.share(self._system_id, left)
         usable = {
             other: [self._moved(each, origin) for each in left if each.system_ids == system_ids]
-            for other, left in told.items()
+            for other, left in theirs.items()
         }
         answers = self._hearing.answers(mine, {other: sightings for other, sightings in usable.items() if sightings})
         pairs = self._hearing.pairs.items()
-        heard = (Heard(other, tracks, same, told[other][-1].first_seen) for other, (tracks, same) in pairs)
+        heard = (Heard(other, tracks, same, theirs[other][-1].first_seen) for other, (tracks, same) in pairs)
         self._first_seen.update(mine.t_us, mine.track_id, heard)
         return answers
 
@@ -144,17 +131,17 @@ class Seat:
                 return f"{names[each.mine]} is {names[each.theirs]} by {other}; {wrong[each.wrong]}{why}"
         return ""
 
-    def _moved(self, left: _Left, origin: LocalFrame) -> Sighting:
-        """A frame that another view left, with its places in this one's world."""
-        if left.origin == origin:
-            return left.sighting
-        into, R, t = self._moves.get(left.origin, (None, None, None))
+    def _moved(self, shared: _SharedFrame, origin: LocalFrame) -> Sighting:
+        """A frame that another view shared, with its places in this one's world."""
+        if shared.origin == origin:
+            return shared.sighting
+        into, R, t = self._moves.get(shared.origin, (None, None, None))
         if into is not origin or R is None or t is None:
             corners = np.array([[0.0, 0.0, 0.0], [_SIDE_M, 0.0, 0.0], [0.0, _SIDE_M, 0.0]])
-            moved = origin.to_enu(*left.origin.to_geodetic(corners))[:, :2]
+            moved = origin.to_enu(*shared.origin.to_geodetic(corners))[:, :2]
             t, R = moved[0], (moved[1:] - moved[0]).T / _SIDE_M
-            self._moves = {left.origin: (origin, R, t)}
-        return replace(left.sighting, place=left.sighting.place @ R.T + t)
+            self._moves = {shared.origin: (origin, R, t)}
+        return replace(shared.sighting, place=shared.sighting.place @ R.T + t)
 
 
 def _words(cause: Cause) -> str:
