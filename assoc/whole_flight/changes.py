@@ -1,4 +1,4 @@
-"""Where a segment goes on as another object, by how well each vehicle's reports fit what was before and what follows.
+"""Changes of a segment to another object, by how well each vehicle's reports fit what was before and what follows.
 
 A tracker may go on with a neighbour where two are side by side, or one of them was missed, and no name tells it if
 neither was named then. So each segment is weighed as any two vehicles, before and after each of its blocks:
@@ -134,7 +134,7 @@ def _surroundings(segments: Segments, theta: FloatArray) -> tuple[FloatArray, Fl
 def _moment(
     t: FloatArray, nearest: FloatArray, gap: FloatArray, leap: FloatArray, about_s: float
 ) -> tuple[float, bool]:
-    """When near a time the object of a track changed, seconds, and whether it is where tracks do."""
+    """Time near another one at which a track changed its object, seconds, and whether it is where tracks do."""
     around = np.flatnonzero(np.abs(t - about_s) <= _AROUND_S)
     if not len(around):
         return about_s, True

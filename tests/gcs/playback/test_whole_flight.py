@@ -67,6 +67,7 @@ def test_ordinary_errors_together_are_named_better_by_the_whole(tmp_path):
     assert whole.right > max(0.95, alone.right)
     assert whole.wrong_sure_s == 0.0
     assert whole.ece_all < alone.ece_all
+    assert whole.ece < 0.01
 
 
 @pytest.fixture(scope="module")
