@@ -143,14 +143,14 @@ def with_whole_chains(
 
 
 def scores_as_parts(
-    segments: Segments, residuals: Residuals, pose: CommonPose, errors: Errors, owner: IntArray, segment: int
+    segments: Segments, residuals: Residuals, r: FloatArray, errors: Errors, owner: IntArray, segment: int
 ) -> tuple[IntArray, FloatArray, FloatArray] | None:
     """Scores of a segment's parts: before each of its blocks, and from there on.
 
     Args:
         segments: The pieces of tracks.
         residuals: Of all pairs.
-        pose: The camera's, and what is common.
+        r: (B, S, n, 2) the same at the pose.
         errors: Of the vehicles' positions.
         owner: (S,) vehicle of each segment, −1 none: the chains.
         segment: The segment.
@@ -159,7 +159,6 @@ def scores_as_parts(
         (a,) blocks, (a, n + 1) scores of the part before each as each vehicle, 0 in the last column for none of ours,
         and (a, n + 1) of the part from it on; None where no two blocks were compared.
     """
-    r = residuals.at(pose.theta, pose.common)
     has = residuals.blocks.count[:, segment] > 0
     reach_m = _REACH_STDS * errors.bias_std + _REACH_M
     near = has & (np.linalg.norm(r[:, segment], axis=2) < reach_m)
@@ -193,7 +192,7 @@ def _growing(
     rows: IntArray,
     rest: IntArray,
 ) -> FloatArray:
-    """(a,) ``_compared`` of the first, the first two … of the blocks (a,) of a segment."""
+    """Scores (a,) of the first, the first two … of the blocks (a,) of a segment as one vehicle (``_compared``)."""
     own, cov, given, given_cov = _given(residuals, r, errors, vehicle, (rows, np.full_like(rows, segment)), rest)
     wide = _shared(np.zeros_like(rows), _ANYWHERE_M)
     anywhere = _log_normals(own, cov + wide) + np.log(2.0 * np.pi * _ANYWHERE_M**2)
@@ -299,10 +298,7 @@ def _given(
     compared: tuple[IntArray, IntArray],
     rest: IntArray,
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Residuals (2a,) and their covariance (2a, 2a), by themselves and given the rest of the vehicle's chain.
-
-    Args: as of ``_compared``.
-    """
+    """Residuals (2a,) of blocks and their covariance (2a, 2a), alone and then given the rest of the vehicle's chain."""
     rows, segment = compared
     alone = np.zeros_like(rows)
     own = given = _stacked(r[rows, segment, vehicle])

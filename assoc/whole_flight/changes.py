@@ -34,7 +34,7 @@ _NEARBY_M, _GAP_S, _LEAP_M = 4.0, 0.45, 1.5
 """Distance to another object, metres, time out of sight, seconds, and leap, metres, with which tracks change their
 object."""
 _AROUND_S = 1.5
-"""How far from the change of blocks that is looked for, seconds."""
+"""Farthest from the beginning of a block that a change is looked for, seconds."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -47,13 +47,13 @@ class Change:
     after: int
     """Vehicle that it is from then on, −1 none of ours."""
     before: int
-    """The same until then."""
+    """Vehicle that it is until then, −1 none of ours."""
 
 
 def changes(
     segments: Segments, residuals: Residuals, pose: CommonPose, errors: Errors, owner: IntArray, block_s: float
 ) -> list[Change]:
-    """The most telling change of each segment that has one, the one that gains most first.
+    """Find the most telling change of each segment that has one, the one that gains most first.
 
     Args:
         segments: The pieces of tracks.
@@ -63,11 +63,12 @@ def changes(
         owner: (S,) vehicle of each segment, −1 none.
         block_s: Length of a block, seconds.
     """
+    r = residuals.at(pose.theta, pose.common)
     nearest, gap, leap = _surroundings(segments, pose.theta)
     t = segments.history.t[: segments.history.n]
     n, found = segments.log.n_vehicles, dict[int, tuple[float, Change]]()
     for segment in range(len(owner)):
-        parts = scores_as_parts(segments, residuals, pose, errors, owner, segment)
+        parts = scores_as_parts(segments, residuals, r, errors, owner, segment)
         if parts is None:
             continue
         rows, before, after = parts
@@ -87,7 +88,7 @@ def changes(
 
 
 def exchanges(found: Sequence[Change]) -> list[list[Change]]:
-    """The changes in groups that share a vehicle, in their order: they are right together, or wrong."""
+    """Group changes that share a vehicle, in their order: they are right together, or wrong."""
     groups = list[tuple[set[int], list[Change]]]()
     for change in found:
         vehicles, group = {change.before, change.after} - {-1}, [change]
