@@ -100,7 +100,7 @@ def exchanges(found: Sequence[Change]) -> list[list[Change]]:
 
 
 def _surroundings(segments: Segments, theta: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """How far the nearest other object is, how long it has been out of sight, and how far it has leapt since.
+    """Distance to the nearest other object, time out of sight and leap since then, of each segment in each frame.
 
     Returns:
         (F, S) metres, (F, S) seconds and (F, S) metres of each segment in each frame: 0 where it was not seen.
