@@ -3,7 +3,7 @@
 A score L (m × n, natural log) is how much likelier a track *is* a vehicle than that the two are unrelated; leaving
 a track or a vehicle alone scores 0.
 
-An assignment problem taken apart: pairs that no good assignment contains separate it into small ones.
+A large problem is taken apart: pairs that no good assignment contains separate it into small ones.
 """
 
 from __future__ import annotations

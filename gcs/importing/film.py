@@ -69,13 +69,14 @@ def open_film(path: Path) -> ImportedFilm:
         height=size[1],
         aspect=aspect,
         shown_as=shown_as,
-        assumed=_taken_for(path, transfer, others, elapsed_us),
+        assumed=_assumptions(path, transfer, others, elapsed_us),
         created_us=_unix_us(tags.get("creation_time", "")),
         model=plain(next((tags[name] for name in _MODEL_TAGS if name in tags), ""))[:_MAX_WORDS],
     )
 
 
-def _taken_for(path: Path, transfer: str | None, others: int, elapsed_us: NDArray[np.int64]) -> tuple[str, ...]:
+def _assumptions(path: Path, transfer: str | None, others: int, elapsed_us: NDArray[np.int64]) -> tuple[str, ...]:
+    """Describe how pictures of a film are taken where that is not how players show them."""
     first, words = first_picture(path), []
     if others > 0:
         words.append(f"{path.name} has {others + 1} films in it: the one that players show first is taken")

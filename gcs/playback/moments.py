@@ -35,7 +35,7 @@ def moments_between(start_us: int, stop_us: int, received_us: NDArray[np.int64])
 
 
 def telemetry_times(t_us: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Moments to show a log at that has no frames: five a second, in pauses for a minute only."""
+    """Moments at which to show a log that has no frames: five a second, in pauses for a minute only."""
     t_us = np.unique(t_us)
     ends = np.flatnonzero(np.diff(t_us, append=t_us[-1] + QUIET_US + 1) > QUIET_US)
     starts = np.concatenate([[0], ends[:-1] + 1])

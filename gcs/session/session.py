@@ -98,7 +98,7 @@ class Session:
 
     @property
     def unnamed_views(self) -> tuple[str, ...]:
-        """Folders of further cameras that the mission has not, so that they are left aside; of the first camera."""
+        """Folders in a flight's own of further cameras that the mission does not have, so that they are not opened."""
         if self.path.is_file() or not self.is_first_view:
             return ()
         known = len(self.mission.view) + 1 if self.mission else 1

@@ -24,10 +24,10 @@ from infra.processes.child_process import KILL_S, ChildProcess
 
 _MAX_WORDS = 200
 _MAX_WRITTEN = 1 << 20
-"""Bytes of what it may print."""
+"""Maximum number of bytes that it may print."""
 _MAX_ANSWER = (1 << 31) - 1
-_RESERVE_BYTES, _LOOK_S = 64 << 20, 0.02
-"""Memory kept free, and how often it is checked: with none left Python may search for ever for some to report that."""
+_RESERVE_BYTES, _CHECK_EVERY_S = 64 << 20, 0.02
+"""Memory kept free, and interval of the checks, seconds: with none left Python may try for ever to report that."""
 _ONE_THREAD = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
 """Threads that a library starts for nothing take address space."""
 
@@ -94,16 +94,16 @@ def answer_parent(asks: type[Question], read: Callable[[Question], msgspec.Struc
     if asked is None:
         return
     question = msgspec.msgpack.decode(asked.question, type=asks)
-    ours = threading.Lock()
-    """Had by who answers; nobody else does."""
+    may_answer = threading.Lock()
+    """Taken by the thread that answers, so that no other one does."""
     process = psutil.Process()
     watches = threading.Event()
-    threading.Thread(target=_watch, args=(parent, process, asked.most_bytes, ours, watches), daemon=True).start()
+    threading.Thread(target=_watch, args=(parent, process, asked.most_bytes, may_answer, watches), daemon=True).start()
     watches.wait()
     _set_bounds(process.memory_info().vms + asked.most_bytes + _RESERVE_BYTES, asked.most_s)
     with open(os.devnull, "w", encoding="utf-8") as nowhere, contextlib.redirect_stdout(nowhere):  # noqa: PTH123
         answer = _answer(question, read, asked.most_bytes)
-    ours.acquire()
+    may_answer.acquire()
     # the answer is written without the bound
     resource.setrlimit(resource.RLIMIT_AS, (resource.getrlimit(resource.RLIMIT_AS)[1],) * 2)
     with contextlib.suppress(OSError):  # nobody waits for it any more
@@ -131,7 +131,7 @@ def _watch(
     parent: MessageChannel[_Work],
     process: psutil.Process,
     most_bytes: int,
-    ours: threading.Lock,
+    may_answer: threading.Lock,
     watches: threading.Event,
 ) -> None:
     """End this process where it has taken more than it may, from when ``watches`` is set."""
@@ -139,12 +139,12 @@ def _watch(
     watches.set()
     over = False
     while not over:
-        time.sleep(_LOOK_S)
+        time.sleep(_CHECK_EVERY_S)
         try:
             over = process.memory_info().vms - before > most_bytes
         except MemoryError:
             over = True
-    if ours.acquire(blocking=False):
+    if may_answer.acquire(blocking=False):
         with contextlib.suppress(OSError):
             parent.send(_too_much(most_bytes))
         os._exit(1)

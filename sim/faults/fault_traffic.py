@@ -1,6 +1,7 @@
 """Telemetry of a fleet with faults, datagram by datagram in order of time.
 
-Frames of the few messages that a fleet needs, made quickly: a struct, a checksum, and a signature on request.
+The few messages that a fleet needs are packed here and not by pymavlink, which is slower: a struct, a checksum, and a
+signature on request.
 """
 
 from __future__ import annotations

@@ -20,12 +20,12 @@ class FlightErrors:
 
 
 def standard_errors(rng: np.random.Generator) -> FlightErrors:
-    """One thing at a time and little of it: noise 0.3 m, bias 0.5 m, compass within 4°, tilt within 0.8°."""
+    """Small errors alone: noise 0.3 m, bias 0.5 m, compass within 4°, tilt within 0.8°."""
     return FlightErrors(gnss=gnss(rng), attitude=slight(rng), timing=ScenarioTiming())
 
 
 def hard_errors(rng: np.random.Generator) -> FlightErrors:
-    """All errors at once: bias 1 m, compass 7 to 10°, tilt to 1.5°, video late, one report in ten lost."""
+    """Large errors together: bias 1 m, compass 7 to 10°, tilt to 1.5°, video late, one report in ten lost."""
     return FlightErrors(
         gnss=gnss(rng, white=0.5, bias=1.0, uav_bias_m=1.5, height_bias_m=signed(rng, 0.5, 1.5)),
         attitude=slight(

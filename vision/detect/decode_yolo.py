@@ -2,7 +2,8 @@
 
 A row that is no valid box is dropped and counted. The model does not distinguish front and rear: headings are NaN.
 
-Fast non-maximum suppression, as used with YOLO-OBB models: a box that overlaps any better one is dropped.
+Non-maximum suppression is the fast one that is used with YOLO-OBB models: a box that overlaps any better one is
+dropped.
 
 Reference:
     D. Bolya, C. Zhou, F. Xiao, Y. J. Lee, "YOLACT: Real-time Instance Segmentation", arXiv:1904.02689, section 3.4

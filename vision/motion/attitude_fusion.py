@@ -6,20 +6,17 @@ drift. An extended Kalman filter has both: its state is
 
     x = (ξ, β, δ, g₁, v₁, g₂, v₂, …)
 
-with the error ξ of the camera's rotation R (camera frame, R_true = R Exp ξ), the rate β of a sway that telemetry does
-not show, the lag δ of telemetry behind the video, and place g and velocity v of up to ``MAX_TRACKS`` vehicles on the
-ground, which drive straight but for white acceleration. From frame to frame R turns by a share of what telemetry turns,
-and by β; where the images themselves show the turn, by that alone. A sample of attitude measures R at its own time, and
-the box of a track measures R and the vehicle's place together. By what telemetry errs constantly the places are turned
-too: that cannot be seen here, and the identifier estimates it.
+with the error ξ of the rotation R that maps the camera frame (OpenCV: x right, y down, z forward) into the world,
+R_true = R Exp ξ, the rate β of a sway that telemetry does not show, the lag δ of telemetry behind the video, and place
+g and velocity v of up to ``MAX_TRACKS`` vehicles on the ground, which drive straight but for white acceleration. From
+frame to frame R turns by a share of what telemetry turns, and by β; where the images themselves show the turn, by that
+alone. A sample of attitude measures R at its own time, and the box of a track measures R and the vehicle's place
+together. A constant error of telemetry turns the places, too: it cannot be seen here, and the identifier estimates it.
 
 How far telemetry is to be trusted is learnt: the share of its turning that is the camera's, how much of the turning it
 misses, and the noise of its samples, which is scaled until innovations are as large as the filter expects them (R.
 Mehra, "On the identification of variances and adaptive Kalman filtering", IEEE Trans. Automatic Control 15(2), 1970,
 doi:10.1109/TAC.1970.1099422).
-
-Camera frame: OpenCV, x right, y down, z forward; a camera's rotation R maps its vectors into the world, and its error
-is ξ with R_true = R Exp ξ.
 """
 
 from __future__ import annotations
@@ -31,7 +28,6 @@ from vision.motion.fused_evidence import ReportedRotation, SeenTracks
 from vision.motion.rotation import turned_by, vector_of
 
 Floats = NDArray[np.float64]
-FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 MAX_TRACKS = 12
 """Vehicles in the state: more hardly make the rotation better, and cost grows with their cube."""
@@ -124,24 +120,24 @@ class AttitudeFusion:
     def __init__(self) -> None:
         self.lag_s = 0.0
         self._t_us = 0
-        self._R: FloatArray = np.eye(3)
+        self._R: Floats = np.eye(3)
         self._reported: ReportedRotation | None = None
         self._ground_z, self._lag_var = 0.0, LAG_S**2
-        self._turn_var: FloatArray = np.full(3, TURN**2)
-        self._rate_var: FloatArray = np.full(3, RATE**2)
-        self._turned: FloatArray = np.full((2, 3), TURN**2)
+        self._turn_var: Floats = np.full(3, TURN**2)
+        self._rate_var: Floats = np.full(3, RATE**2)
+        self._turned: Floats = np.full((2, 3), TURN**2)
         """(2, 3) means of the camera's turning times telemetry's, and of telemetry's squared, about the axes of ENU."""
-        self._followed: FloatArray = np.ones(3)
-        self._sample_var: FloatArray = np.full(3, SAMPLE**2)
+        self._followed: Floats = np.ones(3)
+        self._sample_var: Floats = np.full(3, SAMPLE**2)
         self._forget()
 
     def _forget(self) -> None:
-        self._x: FloatArray = np.zeros(BASE)
-        self._P: FloatArray = np.zeros((BASE, BASE))
+        self._x: Floats = np.zeros(BASE)
+        self._P: Floats = np.zeros((BASE, BASE))
         self._track_id: IntArray = np.zeros(0, np.int64)
         self._seen_us: IntArray = np.zeros(0, np.int64)
 
-    def rotation(self, t_us: int) -> tuple[FloatArray, float] | None:
+    def rotation(self, t_us: int) -> tuple[Floats, float] | None:
         """The camera's rotation (3, 3) at the last frame, and how many seconds before this one that was; None: none."""
         dt_us = t_us - self._t_us
         return (self._R, dt_us * 1e-6) if self._reported is not None and 0 < dt_us <= LONGEST_US else None
@@ -155,7 +151,7 @@ class AttitudeFusion:
         self.lag_s, self._lag_var, self._reported = lag_s, LAG_S**2, None
         self._sample_var = np.full(3, SAMPLE**2)
 
-    def predicted(self, t_us: int, reported: ReportedRotation) -> FloatArray:
+    def predicted(self, t_us: int, reported: ReportedRotation) -> Floats:
         """(3, 3) the camera's rotation at a frame before its boxes are seen."""
         if self._reported is None or not self._continues(t_us, reported):
             return reported.R_enu_cam
@@ -166,9 +162,7 @@ class AttitudeFusion:
         turn = self._R.T @ (self._followed * self._turn(reported)) + _lasting(dt)[0] * self._x[BETA]
         return self._R @ turned_by(turn)
 
-    def update(
-        self, t_us: int, reported: ReportedRotation, p_enu: FloatArray, ground_z: float, seen: SeenTracks
-    ) -> FloatArray:
+    def update(self, t_us: int, reported: ReportedRotation, p_enu: Floats, ground_z: float, seen: SeenTracks) -> Floats:
         """Take in a frame.
 
         Args:
@@ -201,7 +195,7 @@ class AttitudeFusion:
         last = self._reported
         return last is not None and last.known == reported.known and 0 < t_us - self._t_us <= LONGEST_US
 
-    def _turn(self, reported: ReportedRotation) -> FloatArray:
+    def _turn(self, reported: ReportedRotation) -> Floats:
         """(3,) by how much the camera turned since the last frame by telemetry, about the axes of ENU."""
         assert self._reported is not None
         return self._R @ vector_of(self._reported.R_enu_cam.T @ reported.R_enu_cam)
@@ -242,7 +236,7 @@ class AttitudeFusion:
         P[v, v] += q * dt
         self._P = P
 
-    def _level(self, p_enu: FloatArray, ground_z: float) -> None:
+    def _level(self, p_enu: Floats, ground_z: float) -> None:
         """Vehicles stay where they are seen when the ground turns out to be higher or lower than it was taken to be."""
         if ground_z != self._ground_z and p_enu[2] > self._ground_z:
             share = (p_enu[2] - ground_z) / (p_enu[2] - self._ground_z)
@@ -250,7 +244,7 @@ class AttitudeFusion:
             vehicles[:, 0] = p_enu[:2] + share * (vehicles[:, 0] - p_enu[:2])
             vehicles[:, 1] *= share
 
-    def _see(self, t_us: int, p_enu: FloatArray, ground_z: float, seen: SeenTracks, *, learn: bool) -> int:
+    def _see(self, t_us: int, p_enu: Floats, ground_z: float, seen: SeenTracks, *, learn: bool) -> int:
         """Correct by the boxes of the vehicles in the state; how many there are."""
         _, place, row = np.intersect1d(self._track_id, seen.track_id, assume_unique=True, return_indices=True)
         to = np.empty((len(place), 3))
@@ -273,7 +267,7 @@ class AttitudeFusion:
         self._keep(keep)
         return len(place)
 
-    def _correct_by_boxes(self, H: FloatArray, off: FloatArray, noise: FloatArray, *, learn: bool) -> NDArray[np.bool_]:
+    def _correct_by_boxes(self, H: Floats, off: Floats, noise: Floats, *, learn: bool) -> NDArray[np.bool_]:
         """Correct by residuals (k, 2) with derivatives (k, 2, n) and noise (k,); which of them are far off."""
         k = len(off)
         H_all, var = H.reshape(2 * k, -1), np.repeat(noise * noise, 2)
@@ -294,7 +288,7 @@ class AttitudeFusion:
         self._apply(step, after)
         return distance > STRAYED
 
-    def _learn_turn(self, step: FloatArray, after: FloatArray) -> None:
+    def _learn_turn(self, step: Floats, after: Floats) -> None:
         """Learn how much of the camera's turning is missed, from a step of ξ (3,) and the covariance after it."""
         prior, post = self._about_enu(self._P[XI, XI]), self._about_enu(after[XI, XI])
         # E dξ² = P − P⁺
@@ -303,7 +297,7 @@ class AttitudeFusion:
             self._turn_var, (self._R @ step) ** 2 / share, prior, share * self._turn_var, MIN_TURN, MAX_TURN
         )
 
-    def _learn_turning(self, before: FloatArray, turn: FloatArray) -> None:
+    def _learn_turning(self, before: Floats, turn: Floats) -> None:
         """Learn what share of telemetry's turning is the camera's, by regression about each axis of ENU, and the rate.
 
         Args:
@@ -317,7 +311,7 @@ class AttitudeFusion:
         # E β² = β̂² + P
         self._rate_var = np.clip(self._rate_var + (rate_var - self._rate_var) / MEMORY, MIN_RATE**2, MAX_RATE**2)
 
-    def _hold_on(self, reported: ReportedRotation, before: FloatArray, dt: float, *, telling: bool) -> None:
+    def _hold_on(self, reported: ReportedRotation, before: Floats, dt: float, *, telling: bool) -> None:
         """Correct by telemetry's samples, or where there is no attitude towards level.
 
         Args:
@@ -348,19 +342,19 @@ class AttitudeFusion:
         self._correct(z, H, var)
         self._lag_var = float(self._P[LAG, LAG])
 
-    def _correct(self, z: FloatArray, H: FloatArray, var: FloatArray) -> None:
+    def _correct(self, z: Floats, H: Floats, var: Floats) -> None:
         PH = self._P @ H.T
         gain = np.linalg.solve(H @ PH + np.diag(var), PH.T).T
         self._apply(gain @ z, self._P - gain @ PH.T)
 
-    def _apply(self, step: FloatArray, P: FloatArray) -> None:
+    def _apply(self, step: Floats, P: Floats) -> None:
         self._R = self._R @ turned_by(step[XI])
         self.lag_s += float(step[LAG])
         self._x = self._x + step
         self._x[XI] = self._x[LAG] = 0.0
         self._P = 0.5 * (P + P.T)
 
-    def _about_enu(self, P: FloatArray) -> FloatArray:
+    def _about_enu(self, P: Floats) -> Floats:
         """(3,) variances about the axes of ENU of a vector with this covariance (3, 3) in the camera's frame."""
         return np.asarray(np.einsum("ij,jk,ik->i", self._R, P, self._R))
 
@@ -371,7 +365,7 @@ class AttitudeFusion:
         self._x, self._P = self._x[states], self._P[np.ix_(states, states)]
         self._track_id, self._seen_us = self._track_id[wanted], self._seen_us[wanted]
 
-    def _admit(self, t_us: int, p_enu: FloatArray, ground_z: float, seen: SeenTracks) -> None:
+    def _admit(self, t_us: int, p_enu: Floats, ground_z: float, seen: SeenTracks) -> None:
         """Take vehicles that are not in the state yet, as far as there is room."""
         new = np.flatnonzero((seen.track_id[:, None] != self._track_id).all(axis=1))
         if not len(new):
@@ -400,9 +394,7 @@ class AttitudeFusion:
         self._seen_us = np.concatenate([self._seen_us, np.full(k, t_us, np.int64)])
 
 
-def _scaled(
-    variance: FloatArray, squared: FloatArray, expected: FloatArray, part: FloatArray, least: float, most: float
-) -> FloatArray:
+def _scaled(variance: Floats, squared: Floats, expected: Floats, part: Floats, least: float, most: float) -> Floats:
     """A learnt variance (3,) after one more innovation; that about east and north is one.
 
     Args:

@@ -7,7 +7,7 @@ camera's displacement s between the frames, all in the earlier camera frame,
 
 so that a turn about x or y and a displacement look nearly alike: R is as good as s is known.
 
-Rotations as vectors along their axis, of the length of their angle, and back; quickly for one at a time.
+Rotations are converted to vectors along their axis, of the length of their angle, and back.
 
 Reference:
     R. Hartley, A. Zisserman, "Multiple View Geometry", 2nd ed., section 13.1 (plane-induced homography).
@@ -40,17 +40,16 @@ STEPS = 3
 SYSTEMATIC_PX = 0.3
 """1σ of what no number of points averages out, in each place and in all: a rolling shutter, what stands high, waves of
 the ground, the lens."""
-FloatArray = NDArray[np.float64]
 NEAR_HALF_TURN = -0.9
 """Cosine of an angle near π, at which the difference of R and its transpose no longer shows the axis well."""
 
 
-def turned_by(v: FloatArray) -> FloatArray:
+def turned_by(v: Floats) -> Floats:
     """(3, 3) Exp(v) of a rotation vector (3,), radians."""
     return np.asarray(cv2.Rodrigues(v)[0], np.float64)
 
 
-def vector_of(R: FloatArray) -> FloatArray:
+def vector_of(R: Floats) -> Floats:
     """(3,) the shortest v with Exp(v) = R (3, 3), radians."""
     (xx, xy, xz), (yx, yy, yz), (zx, zy, zz) = R.tolist()
     cosine = 0.5 * (xx + yy + zz - 1.0)

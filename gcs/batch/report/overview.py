@@ -1,6 +1,6 @@
 """The page over all flights of a batch: sums, failures, flights from the worst to the best and why, vehicles.
 
-How well a flight went, in words, and which of two went worse.
+It also has how well a flight went, in words, and which of two went worse.
 """
 
 from __future__ import annotations

@@ -42,8 +42,8 @@ MIN_HEIGHT_M = 2.0
 SPEED_STD, UNKNOWN_SPEED_STD = 0.3, 8.0
 """1σ per axis of the UAV's reported velocity, m/s, and of one that reports none."""
 COARSE_M = 2.5
-"""1σ of a position from which on it is none of an ordinary receiver with a view of the sky: rounded, or of few
-satellites."""
+"""1σ of a position from which on it is coarse: rounded, or of few satellites; a receiver with a view of the sky has
+less."""
 BOX_NOISE, MIN_NOISE_PX = 0.04, 1.0
 """1σ of a box's centre, in box sizes, and at least, px: as the tracker has it."""
 
@@ -88,7 +88,8 @@ class FrameCameras:
 
     @property
     def found(self) -> Camera | None:
-        """The camera by the film, where nothing described it; None not yet, or it needs no search."""
+        """The camera that was found from the film, where nothing described it; None before, and where something
+        does."""
         return self._finder.camera
 
     @property

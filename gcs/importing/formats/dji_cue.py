@@ -34,7 +34,7 @@ _DATE = re.compile(
     re.ASCII,
 )
 _TENTHS_FROM = 100.0
-"""A focal length that is written without a decimal point, from here on, is in tenths of millimetres."""
+"""Focal length from which on a number without a decimal point is in tenths of millimetres."""
 _SHORTEST_MM, _LONGEST_MM = 4.0, 5000.0
 
 
@@ -55,13 +55,13 @@ class DjiCue:
     focal_mm: float = math.nan
     """Equivalent on 36 × 24 mm."""
     zoom: float = 1.0
-    """Digital."""
+    """Factor of the digital zoom."""
     unix_us: int = 0
     """Date of the cue taken as UTC, 0 without one."""
 
 
 def read_cue(text: str) -> DjiCue | None:
-    """Sample of a subtitle; None without a position."""
+    """Read the numbers of a subtitle; None without a position."""
     keyed = {name.lower(): value for name, value in _KEYED.findall(text)}
     for whose, angles in _BLOCK.findall(text):
         keyed |= {f"{whose.lower()}_{name.lower()}": value for name, value in _KEYED.findall(angles)}

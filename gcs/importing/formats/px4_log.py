@@ -3,7 +3,7 @@
 Topics and fields: https://docs.px4.io/main/en/msg_docs/. The log's own time is turned into UTC by the receiver's
 ``time_utc_usec``.
 
-Topics of a PX4 log by pyulog, in a process of its own: formats of some hundred bytes may ask for all memory.
+pyulog reads in a process of its own, which runs this module: a file of some hundred bytes may ask for all memory.
 """
 
 from __future__ import annotations
@@ -67,9 +67,9 @@ _MIN_UTC_US = 1_000_000_000_000_000
 _YAW_IN_EARTH_FRAME = 64
 _FIX_3D = 3
 _MORE_BYTES, _TIMES_LARGER = 200_000_000, 3
-"""Bytes of memory that a log may take: this and this many times its size."""
+"""Memory that reading a log may take: a number of bytes, and a multiple of its size on top."""
 _MIN_S, _BYTES_A_SECOND = 60.0, 1_000_000
-"""Time that a log may take to be read, at least, and its bytes a second."""
+"""Time that reading a log may take: a number of seconds, and one more for each so many bytes."""
 
 
 class _UlogColumn(msgspec.Struct):
@@ -151,10 +151,6 @@ def _is_damaged(path: str) -> bool:
 
 def _columns(data: dict[str, NDArray[np.generic]], wanted: list[str]) -> list[_UlogColumn]:
     return [_UlogColumn(name, data[name].dtype.str, data[name].tobytes()) for name in wanted if name in data]
-
-
-if __name__ == "__main__":
-    answer_parent(_UlogQuestion, _read)
 
 
 @np.errstate(invalid="ignore")  # a damaged number may be a NaN that signals
@@ -329,3 +325,7 @@ def _gimbal(topic: Columns | None) -> AngleTrack:
     flags = int(topic["device_flags"][0]) if _has(topic, "device_flags") else 0
     yaw_from: Literal["north", "nose"] = "north" if flags & _YAW_IN_EARTH_FRAME else "nose"
     return AngleTrack(t_us=track.t_us, angles=track.angles, yaw_from=yaw_from)
+
+
+if __name__ == "__main__":
+    answer_parent(_UlogQuestion, _read)

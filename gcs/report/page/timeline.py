@@ -20,14 +20,14 @@ LOW_ROW, LOW_GAP = 18, 3
 """Rows of a fleet larger than ``MAX_ROWS``: on paper a drawing must not be longer than a sheet."""
 MAX_ROWS: Final = 16
 ALARM_ROW: Final = 22
-NUMBER: Final = 30
-"""Wide, of an alarm."""
+NUMBER_WIDTH: Final = 30
+"""Width that the number of an alarm takes."""
 MAX_ALARM_ROWS: Final = 8
 MAX_SOURCES: Final = 40
 STEPS_S: Final = (1, 2, 5, 10, 15, 30, 60, 120, 300, 600, 900, 1800, 3600, 7200, 14400)
 MAX_TICKS: Final = 9
 MAX_LETTERS: Final = 15
-"""Most letters of a name, as many as fit before the axis."""
+"""Maximum number of letters of a name, as many as fit before the axis."""
 
 
 def clock(seconds: float) -> str:
@@ -42,7 +42,7 @@ def clock(seconds: float) -> str:
 
 
 def draw_timeline(record: FlightSummary) -> str:
-    """A row a vehicle: its name's confidence as a curve over a band while it is in view; alarms below."""
+    """Draw one row for each vehicle: its name's confidence as a curve over a band while it is in view; alarms below."""
     rows, y = [], 10.0
     height, gap = (ROW, GAP) if len(record.vehicles) <= MAX_ROWS else (LOW_ROW, LOW_GAP)
     for index, vehicle in enumerate(record.vehicles.values()):
@@ -56,7 +56,7 @@ def draw_timeline(record: FlightSummary) -> str:
         line = next((k for k, end in enumerate(ends) if end < since), len(ends))
         if line >= MAX_ALARM_ROWS:
             continue
-        ends[line : line + 1] = [since + width + (0 if width > NUMBER else NUMBER)]
+        ends[line : line + 1] = [since + width + (0 if width > NUMBER_WIDTH else NUMBER_WIDTH)]
         rows.append(_alarm(span, number, since, y + line * ALARM_ROW, width))
     if ends:
         rows.append(f'<text class="ink" x="0" y="{y + 15:.1f}">alarms</text>')
@@ -72,7 +72,7 @@ def draw_timeline(record: FlightSummary) -> str:
 
 
 def draw_sources(sources: Sequence[tuple[str, Sequence[tuple[float, float]]]]) -> str:
-    """A bar for each of whom files of others tell, where they do; empty without any.
+    """Draw a bar for each vehicle over the time of which imported files tell of it; empty without any.
 
     Args:
         sources: who, and from and to which seconds of the film.
@@ -122,7 +122,7 @@ def _row(vehicle: VehicleRecord, top: float, height: float, kind: str) -> str:
 
 def _alarm(span: AlarmSpan, number: int, x: float, top: float, width: float) -> str:
     """A bar with its number, which stands behind a bar that is too short for it."""
-    inside = width > NUMBER
+    inside = width > NUMBER_WIDTH
     kind = "bad" if span.alarm.level == "alarm" else "warn"
     return (
         f'<g class="{kind}"><rect x="{x:.1f}" y="{top:.1f}" width="{width:.1f}" height="{ALARM_ROW - 3}" '
