@@ -77,8 +77,8 @@ def misread(rows, texts, spare=0):
             bare = word.removeprefix("? ").removesuffix(" ?")
             if word in owner or bare in owner:
                 seen.append(owner.get(word, owner.get(bare)))
-            elif re.fullmatch(r"\+\d+", word):
-                more += int(word)
+            elif re.fullmatch(r"\+\d+( names)?", word):
+                more += int(word.split()[0])
             elif word.strip("? ") and " = " not in word:
                 wrong.append(f"{word!r} is no vehicle's")
     wrong += [f"{key} is written {seen.count(key)} times" for key in sorted(set(seen)) if seen.count(key) > 1]
