@@ -23,7 +23,7 @@ STANDING = (
 )
 ANY = re.compile(".+")
 PLACE = re.compile(
-    r"(?:not known|behind the camera): .+|in .*the picture.*|where its box is|"
+    r"(?:not known|behind the camera)(?:: .+)?|in .*the picture.*|where its box is|"
     r"(?:far )?(?:above|below|left|right).* the picture"
 )
 FACTS = dict.fromkeys(

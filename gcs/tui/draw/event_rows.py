@@ -18,7 +18,7 @@ REACHED: Final = re.compile(r"reached waypoint #(\d{1,6})(?:–(\d{1,6}))?", re.
 MAX_ON_THEIR_WAY: Final = 4
 """Vehicles that have a row each for their waypoints."""
 GONE: Final = re.compile(r"track \d+ is no longer (?P<name>.+?): (?P<why>.+)")
-GIVEN: Final = re.compile(r"track \d+ is (?P<name>.+ \(\d+%\))")
+GIVEN: Final = re.compile(r"track \d+ is (?P<name>.+) \(\d+%\)")
 TOGETHER: Final = 3
 """Names that are gone, or that are given, in one frame and are one row."""
 NUMBER: Final = re.compile(r"(?<![\w.])-?\d+(?:\.\d+)?|\d+(?:\.\d+)?")

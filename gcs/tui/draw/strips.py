@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import textwrap
 from collections.abc import Iterable, Sequence
 
 from rich.cells import cell_len, chop_cells, set_cell_size
@@ -15,6 +14,7 @@ from gcs.tui.themes import Colour
 
 Part = tuple[str, Style]
 """Plain text and how it looks; the text must already be free of control characters."""
+NO_BREAK = "\N{NO-BREAK SPACE}"
 
 
 def line(parts: Iterable[Part], width: int, paper: Colour = PANEL) -> Strip:
@@ -85,11 +85,24 @@ def cut_between_words(text: str, width: int, names: Iterable[str] = ()) -> str:
     return f"{text[:end].rstrip()} …" if width > 1 else fitted(text, width)
 
 
-def folded(text: str, width: int) -> list[str]:
-    """Text in lines of at most ``width`` cells, at least one; between words where every letter takes one cell."""
-    if cell_len(text) == len(text):
-        return textwrap.wrap(text, width) or [""]
-    return chop_cells(text, width) or [""]
+def folded(text: str, width: int, names: Iterable[str] = ()) -> list[str]:
+    """Text in lines of at most ``width`` cells, at least one, broken between words; only longer words are cut.
+
+    Args:
+        text: One line.
+        width: Cells.
+        names: Words that belong together: a part of a name may be another one.
+    """
+    for name in names:
+        text = text.replace(name, name.replace(" ", NO_BREAK))
+    lines = [""]
+    for word in text.split(" "):
+        longer = f"{lines[-1]} {word}" if lines[-1] else word
+        if cell_len(longer) <= width:
+            lines[-1] = longer
+        else:
+            lines += chop_cells(word, width)
+    return [each.replace(NO_BREAK, " ").rstrip() for each in lines if each] or [""]
 
 
 def bar(share: float, width: int) -> str:

@@ -75,7 +75,7 @@ def alert_of(
     fresh = unseen(snapshot.alarms, seen)
     loud = [alarm for alarm in fresh if alarm.level == "alarm"]
     if loud:
-        return _latest(loud, snapshot.now_us, level="alarm", hinted=True)
+        return _first(loud, snapshot.now_us, level="alarm", hinted=True)
     lately = [event for event in events if 0 <= snapshot.now_us - event.t_us < EVENT_SHOWN_US]
     # what the list of alarms has, or had, is told by it; older recordings have its words alone
     listed = {alarm.text for alarm in snapshot.alarms}
@@ -87,9 +87,9 @@ def alert_of(
         text = text_with_sender(recent[-1], snapshot.name_of)
         return Alert(level="alarm" if counted else "warning", text=text, at=clock(recent[-1].t_us))
     if fresh:
-        return _latest(fresh, snapshot.now_us, level="warning", hinted=True)
+        return _first(fresh, snapshot.now_us, level="warning", hinted=True)
     if snapshot.alarms:
-        return _latest(snapshot.alarms, snapshot.now_us, before="seen: ")
+        return _first(snapshot.alarms, snapshot.now_us, before="seen: ")
     return Alert(text="no alarms" if is_final(snapshot) else ALARMS_UNKNOWN)
 
 
@@ -99,7 +99,7 @@ def _is_listed(event: Event, alarms: Sequence[Alarm]) -> bool:
     return any(abs(alarm.since_us - event.t_us) < EVENT_SHOWN_US for alarm in about)
 
 
-def _latest(
+def _first(
     alarms: Sequence[Alarm],
     now_us: int,
     before: str = "",
@@ -107,14 +107,18 @@ def _latest(
     level: Literal["alarm", "warning", "calm"] = "calm",
     hinted: bool = False,
 ) -> Alert:
-    """The newest for as long as it is news, then the newest of the worst: what lasts hides nothing that comes later."""
+    """The worst alarm; of warnings the newest while it is news, then the newest of the worst.
+
+    A warning that lasts, as that nothing is authenticated, would hide all later ones.
+    """
     worst = [each for each in alarms if (each.level, each.doubts_name) == (alarms[0].level, alarms[0].doubts_name)]
     news = [each for each in alarms if each.level == alarms[0].level and now_us - each.since_us < EVENT_SHOWN_US]
-    newest = max(news or worst, key=lambda each: each.since_us)
+    loud = alarms[0].level == "alarm"
+    shown = alarms[0] if loud else max(news or worst, key=lambda each: each.since_us)
     return Alert(
         level=level,
-        text=f"{before}{REPORTED_WORDS[newest.reported]}{plain(newest.text)}",
-        at="" if before else clock(newest.since_us),
+        text=f"{before}{REPORTED_WORDS[shown.reported]}{plain(shown.text)}",
+        at="" if before else clock(shown.since_us),
         more=f"(and {len(alarms) - 1} more)" if len(alarms) > 1 else "",
         hinted=hinted,
     )

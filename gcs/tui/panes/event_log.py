@@ -60,10 +60,10 @@ def _text(event: Event, snapshot: Snapshot | None) -> str:
     return event.text if snapshot is None else text_with_sender(event, snapshot.name_of)
 
 
-def _in_rows(text: str, room: int) -> tuple[str, str]:
+def _in_rows(text: str, room: int, names: Sequence[str]) -> tuple[str, str]:
     """A text's first row, and what of it goes into a second one, so that what it is about is not cut away."""
-    lines = folded(text, room)
-    return (text, "") if len(lines) < 2 else (lines[0], text[len(lines[0]) :].lstrip())
+    first, *more = folded(text, room, names)
+    return first, text.lstrip()[len(first) :].lstrip() if more else ""
 
 
 def _rank(level: str) -> int:
@@ -246,12 +246,12 @@ class EventPane(Pane):
             ink(BRIGHT if ours else colour),
         )
         if not self.has_focus:
-            first, rest = _in_rows(text, room)
+            first, rest = _in_rows(text, room, names)
             last = cut_between_words(rest or first, max(0, room - len(often)), names) + often
             indent = (" " * width_of(parts), style)
             lines = [[*parts, (first, style)], [indent, (last, style)]] if rest else [[*parts, (last, style)]]
         else:
-            first, *more = folded(text + often, room)
+            first, *more = folded(text + often, room, names)
             indent = (" " * width_of(parts), style)
             lines = [[*parts, (first, style)], *([indent, (rest, style)] for rest in more)]
         there = {"@click": f"app.show_event({event.t_us}, {event.system_id})"}

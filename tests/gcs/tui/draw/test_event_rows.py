@@ -26,7 +26,7 @@ def test_names_that_go_or_come_together_are_one_row_each():
     come = [event(f"track {n} is UGV-{n} (8{n}%)", n, "identity", at_s=3) for n in (1, 2, 3)]
     assert rows([*gone, *come]) == [
         ("3 names gone, the evidence does not suffice: UGV-1, UGV-2, UGV-3", 1),
-        ("3 named: UGV-1 (81%), UGV-2 (82%), UGV-3 (83%)", 1),
+        ("3 named: UGV-1, UGV-2, UGV-3", 1),
     ]
     other = event("track 4 is no longer UGV-4: it left the picture", 4, "identity")
     later = event("track 3 is no longer UGV-3: the evidence does not suffice", 3, "identity", at_s=1)

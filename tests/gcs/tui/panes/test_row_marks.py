@@ -63,11 +63,16 @@ def test_the_banner_shows_the_worst_and_not_the_newest():
         assert "conflict 11" in alert_of(snapshot, (), frozenset()).text
 
 
-def test_a_later_alarm_is_on_the_banner_while_it_is_news():
+def test_a_later_warning_is_on_the_banner_while_it_is_news_and_a_later_alarm_is_counted():
     base = make_snapshot(live=True)
-    for ago_s, shown in ((2, "silent 12"), (20, "conflict 11")):
-        came = replace(SILENT, since_us=base.now_us - ago_s * 1_000_000)
-        alert = alert_of(replace(base, alarms=(CONFLICT, came)), (), frozenset())
+    doubt, other = (replace(each, level="warning") for each in (CONFLICT, SILENT))
+    for alarms, ago_s, shown in (
+        ((doubt, other), 2, "silent 12"),
+        ((doubt, other), 20, "conflict 11"),
+        ((CONFLICT, SILENT), 2, "conflict 11"),
+    ):
+        came = replace(alarms[1], since_us=base.now_us - ago_s * 1_000_000)
+        alert = alert_of(replace(base, alarms=(alarms[0], came)), (), frozenset())
         assert (alert.text, alert.more) == (shown, "(and 1 more)")
 
 

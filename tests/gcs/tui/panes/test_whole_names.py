@@ -3,9 +3,10 @@
 from dataclasses import replace
 
 import pytest
+from rich.cells import cell_len
 
 from gcs.snapshot import Alarm, Event
-from gcs.tui.draw.strips import cut_between_words
+from gcs.tui.draw.strips import cut_between_words, folded
 from gcs.tui.panes.banner import alert_of
 from tests.support.fake_station import START_US, FakeStation, make_snapshot, running, text_of
 
@@ -60,3 +61,13 @@ def test_an_alarm_that_was_acknowledged_is_not_loud_again_from_the_log():
     came = Event(t_us=alarm.since_us, level="alarm", kind="video", text=text)
     seen = frozenset({(alarm.key, alarm.since_us, alarm.level)})
     assert alert_of(replace(base, alarms=(alarm,)), [came], seen).level == "calm"
+
+
+@pytest.mark.parametrize("name", ["Hauler North 7", "漢字 15", "UGV-16"])
+@pytest.mark.parametrize("width", range(14, 40))
+def test_a_fold_is_never_within_a_name_and_loses_no_word(name, width):
+    text = f"6 named: Bravo-2 (89%), 漢字-15 (89%), {name} (89%), UGV-1 (91%)"
+    lines = folded(text, width, (name,))
+    assert " ".join(lines) == text
+    assert any(name in each for each in lines)
+    assert max(map(cell_len, lines)) <= width
