@@ -193,7 +193,7 @@ def _growing(
     rest: IntArray,
 ) -> FloatArray:
     """Scores (a,) of the first, the first two … of the blocks (a,) of a segment as one vehicle (``_compared``)."""
-    own, cov, given, given_cov = _given(residuals, r, errors, vehicle, (rows, np.full_like(rows, segment)), rest)
+    own, cov, given, given_cov = given_rest(residuals, r, errors, vehicle, (rows, np.full_like(rows, segment)), rest)
     wide = _shared(np.zeros_like(rows), _ANYWHERE_M)
     anywhere = _log_normals(own, cov + wide) + np.log(2.0 * np.pi * _ANYWHERE_M**2)
     motion = anywhere + np.cumsum(residuals.motion[rows, segment, vehicle])
@@ -280,7 +280,7 @@ def _compared(
         rest: (k,) other segments of that vehicle.
     """
     rows, segment = compared
-    own, cov, given, given_cov = _given(residuals, r, errors, vehicle, compared, rest)
+    own, cov, given, given_cov = given_rest(residuals, r, errors, vehicle, compared, rest)
     # N₀: the mean of each axis has a wide prior, here about itself
     centred = own - np.repeat(np.mean(r[rows, segment, vehicle], axis=0), len(rows))
     wide = _shared(np.zeros_like(rows), _ANYWHERE_M)
@@ -290,7 +290,7 @@ def _compared(
     return float(_log_normal(given, given_cov) - anywhere + motion - alike)
 
 
-def _given(
+def given_rest(
     residuals: Residuals,
     r: FloatArray,
     errors: Errors,
@@ -298,7 +298,16 @@ def _given(
     compared: tuple[IntArray, IntArray],
     rest: IntArray,
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Residuals (2a,) of blocks and their covariance (2a, 2a), alone and then given the rest of the vehicle's chain."""
+    """Residuals (2a,) of blocks and their covariance (2a, 2a), alone and then given the rest of the vehicle's chain.
+
+    Args:
+        residuals: Of all pairs.
+        r: (B, S, n, 2) the same at the pose.
+        errors: Of the vehicles' positions.
+        vehicle: The vehicle.
+        compared: (a,) blocks and (a,) segments.
+        rest: (k,) other segments of that vehicle.
+    """
     rows, segment = compared
     alone = np.zeros_like(rows)
     own = given = _stacked(r[rows, segment, vehicle])

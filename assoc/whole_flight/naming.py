@@ -28,6 +28,7 @@ from assoc.whole_flight.chains import (
     without_outliers,
 )
 from assoc.whole_flight.changes import changes, exchanges
+from assoc.whole_flight.doubles import boxes_of_two, halved, without_doubles
 from assoc.whole_flight.evidence import Segments
 from assoc.whole_flight.owners import Namings
 from assoc.whole_flight.residuals import Errors, Residuals, residuals_at
@@ -52,12 +53,6 @@ many, and is not one object after another.
 """
 _ALONE_S = 3.0
 """A name holds for this long before and after its vehicle's reports were compared with the segment, seconds."""
-_DOUBLE_NATS, _DOUBLE_LEAST = 8.0, 2.0
-"""A vehicle without a segment of its own fits another's segment if its score there is this close, and this much."""
-_DOUBLE_COVER = 0.3
-"""Share of a segment's time for which a vehicle with a segment of its own has one, at least."""
-_DOUBLE_P = 0.5
-"""Most that a name counts for where another vehicle may as well be that segment."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -71,6 +66,12 @@ class SegmentNames:
     since_s: FloatArray
     until_s: FloatArray
     """(S,) from when to when each is the likeliest one, seconds from the first frame."""
+    also: IntArray
+    """(B, S) vehicle that is in a segment's box, too, or alone, −1 nobody."""
+    first_s: float
+    """Time at which the first block begins, seconds from the first frame."""
+    block_s: float
+    """Length of a block, seconds."""
 
     def at(self, t_us: int, track: int) -> FloatArray | None:
         """(n + 1,) probabilities of a box; None where they are not known.
@@ -85,8 +86,12 @@ class SegmentNames:
         if segment is None:
             return None
         t = 1e-6 * (t_us - self.segments.origin_us)
-        known = np.isfinite(self.p[segment, 0]) and self.since_s[segment] <= t <= self.until_s[segment]
-        return self.p[segment] if known else None
+        p = self.p[segment]
+        if not (np.isfinite(p[0]) and self.since_s[segment] <= t <= self.until_s[segment]):
+            return None
+        block = min(max(int((t - self.first_s) // self.block_s), 0), len(self.also) - 1)
+        own, other = int(np.argmax(p)), int(self.also[block, segment])
+        return p if other < 0 or own == len(p) - 1 else halved(p, own, other)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -130,7 +135,7 @@ def segment_names(segments: Segments, q: IdentifierParams, owner: IntArray) -> S
     # beside "none of ours" only what the score itself says counts
     p[:, :-1] *= expit(best.together) / expit(rival)
     p[:, -1] = 1.0 - np.sum(p[:, :-1], axis=1)
-    p = _without_doubles(p, best, segments)
+    p = without_doubles(p, best.score, best.owner, segments)
     p = limit_by_place(p, best.together, _distances(segments, best.pose.theta), best.errors.bias_std)
     p[~np.any(best.reported, axis=(0, 2))] = np.nan
     # for none of ours any report counts
@@ -142,7 +147,15 @@ def segment_names(segments: Segments, q: IdentifierParams, owner: IntArray) -> S
     # beyond where it was compared a name holds for a while, unless the segment is aside there
     beyond = np.where(compared == reported, _ALONE_S, 0.0)
     since_s, until_s = best.first_s + q.block_s * compared + [[-1.0], [1.0]] * beyond
-    return SegmentNames(segments=segments, p=p, since_s=since_s, until_s=until_s)
+    return SegmentNames(
+        segments=segments,
+        p=p,
+        since_s=since_s,
+        until_s=until_s,
+        also=boxes_of_two(segments, best.residuals, best.pose, best.errors, best.owner, q.block_s),
+        first_s=best.first_s,
+        block_s=q.block_s,
+    )
 
 
 def _cut_at_changes(segments: Segments, q: IdentifierParams, best: _Named) -> tuple[Segments, _Named]:
@@ -241,23 +254,3 @@ def _distances(segments: Segments, theta: FloatArray) -> FloatArray:
         apart_m = np.linalg.norm(places[:, a] - places[:, b], axis=1)
         away[a, b] = np.mean(apart_m, where=np.isfinite(apart_m)) if np.isfinite(apart_m).any() else np.nan
     return away
-
-
-def _without_doubles(p: FloatArray, best: _Named, segments: Segments) -> FloatArray:
-    """The probabilities without sure names of segments that a vehicle without a segment of its own fits as well.
-
-    One of the two reports where it is not, and the places do not tell which.
-    """
-    p, n = p.copy(), best.score.shape[1]
-    for segment in np.flatnonzero(best.owner >= 0).tolist():
-        own, score = best.owner[segment], best.score[segment]
-        frames = segments.seen[:, segment]
-        for other in range(n):
-            fits = score[other] > max(score[own] - _DOUBLE_NATS, _DOUBLE_LEAST)
-            if other != own and fits:
-                has = np.any(segments.seen[frames][:, best.owner == other], axis=1)
-                if np.mean(has) < _DOUBLE_COVER:
-                    over = max(p[segment, own] - _DOUBLE_P, 0.0)
-                    p[segment, own] -= over
-                    p[segment, other] += over
-    return p
