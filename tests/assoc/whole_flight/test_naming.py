@@ -144,6 +144,21 @@ def test_two_that_could_be_taken_for_one_another_for_the_whole_flight_are_not_su
     assert [named(segments, p, 5.0, track) for track in (3, 4)] == [2, 3]
 
 
+@pytest.mark.parametrize(("apart_m", "without_s", "sure"), [(2.0, 6.0, False), (4.0, 6.0, True), (2.0, 2.0, True)])
+def test_a_box_in_which_another_vehicle_is_for_long_has_no_sure_name(apart_m, without_s, sure):
+    def since_it_was_apart(t, k):
+        return k != 1 or not 4.0 <= t < 4.0 + without_s
+
+    evidence = flown(alike(apart_m=apart_m), seen=since_it_was_apart)
+    segments = evidence.segments(T0_US, T0_US + round(1e6 * SECONDS), lambda at_us, track: -1)
+    names = segment_names(segments, evidence.params, np.full(segments.seen.shape[1], -1))
+    p = {t: names.at(T0_US + round(1e6 * t), 1) for t in (2.0, 5.0, 12.0)}
+    assert min(p[2.0][0], p[12.0][0]) > 0.95
+    assert (p[5.0][0] > 0.95) == sure
+    assert sure or p[5.0][1] > 0.45
+    assert names.at(T0_US + 5_000_000, 3)[2] > 0.95, "the others are as sure as ever"
+
+
 def test_tracks_that_were_exchanged_before_anybody_was_named_have_two_names_each():
     def exchanged(t, m):
         return np.arange(1, m + 1) if t < 10.0 else np.array([2, 1, *range(3, m + 1)])
