@@ -86,12 +86,23 @@ class SegmentNames:
         if segment is None:
             return None
         t = 1e-6 * (t_us - self.segments.origin_us)
-        p = self.p[segment]
-        if not (np.isfinite(p[0]) and self.since_s[segment] <= t <= self.until_s[segment]):
-            return None
-        block = min(max(int((t - self.first_s) // self.block_s), 0), len(self.also) - 1)
-        own, other = int(np.argmax(p)), int(self.also[block, segment])
-        return p if other < 0 or own == len(p) - 1 else halved(p, own, other)
+        known = np.isfinite(self.p[segment, 0]) and self.since_s[segment] <= t <= self.until_s[segment]
+        return self.p[segment] if known else None
+
+    def with_another(self, p: FloatArray, t_us: int, track: int) -> FloatArray:
+        """(n + 1,) probabilities of a box where another vehicle is in it, too, or alone; else the same.
+
+        Args:
+            p: (n + 1,) of it otherwise.
+            t_us: Time of its frame, Unix µs.
+            track: Its track.
+        """
+        segment, own = self.segments.of.get((t_us, track)), int(np.argmax(p))
+        if segment is None or own == len(p) - 1:
+            return p
+        block = int((1e-6 * (t_us - self.segments.origin_us) - self.first_s) // self.block_s)
+        other = int(self.also[min(max(block, 0), len(self.also) - 1), segment])
+        return p if other < 0 else halved(p, own, other)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

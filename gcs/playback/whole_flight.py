@@ -142,6 +142,7 @@ def _chosen(named: list[KnownFrame], found: SegmentNames, threshold: float) -> l
                 pooled[track] = _pooled(p, before)
                 gained += _named_share(pooled[track], threshold)
                 had += _named_share(before, threshold)
+                pooled[track] = found.with_another(pooled[track], known.at_us, track)
         whole.append(replace(known, p=pooled))
     return whole if gained > _MIN_GAIN * had else named
 

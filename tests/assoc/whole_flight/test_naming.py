@@ -152,11 +152,16 @@ def test_a_box_in_which_another_vehicle_is_for_long_has_no_sure_name(apart_m, wi
     evidence = flown(alike(apart_m=apart_m), seen=since_it_was_apart)
     segments = evidence.segments(T0_US, T0_US + round(1e6 * SECONDS), lambda at_us, track: -1)
     names = segment_names(segments, evidence.params, np.full(segments.seen.shape[1], -1))
-    p = {t: names.at(T0_US + round(1e6 * t), 1) for t in (2.0, 5.0, 12.0)}
+
+    def of(track, t):
+        t_us = T0_US + round(1e6 * t)
+        return names.with_another(names.at(t_us, track), t_us, track)
+
+    p = {t: of(1, t) for t in (2.0, 5.0, 12.0)}
     assert min(p[2.0][0], p[12.0][0]) > 0.95
     assert (p[5.0][0] > 0.95) == sure
     assert sure or p[5.0][1] > 0.45
-    assert names.at(T0_US + 5_000_000, 3)[2] > 0.95, "the others are as sure as ever"
+    assert of(3, 5.0)[2] > 0.95, "the others are as sure as ever"
 
 
 def test_tracks_that_were_exchanged_before_anybody_was_named_have_two_names_each():
