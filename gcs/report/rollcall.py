@@ -15,6 +15,7 @@ from gcs.health.alarm_history import AlarmHistory, AlarmSpan
 from gcs.health.heard import is_heard, refused_because
 from gcs.mission.mission import Mission
 from gcs.snapshot import Event, Snapshot, VehicleRow
+from infra.wall_clock import steady_us
 from mavlink.state import SILENT_S
 
 Outcome = Literal[
@@ -142,6 +143,10 @@ class RollCall:
         """Take in the next snapshot, with a new frame or without; at_us: see :meth:`add_fleet`."""
         self.add_fleet(snapshot, at_us)
         self.add_boxes(snapshot)
+
+    def add_in_flight(self, snapshot: Snapshot) -> None:
+        """Take in the next snapshot of a flight that is under way; silences are those of its replay, however late."""
+        self.add(snapshot, steady_us(snapshot.t_us))
 
     def add_fleet(self, snapshot: Snapshot, at_us: int | None = None) -> None:
         """Take in how the fleet is: who is heard and has a position, alarms, marks.

@@ -93,6 +93,23 @@ def test_a_silence_lasts_from_the_begin_and_to_the_end():
     assert never.rows()[1].longest_silence_s == pytest.approx(60.0)
 
 
+def test_a_flight_counts_the_silence_of_its_replay_however_late_it_is_shown(monkeypatch):
+    ages_s = [*(0.1 for _ in range(5)), *(k * 1.0 for k in range(1, 13)), 0.1]
+    lates_s = [0.1, 0.9, 0.3, 0.6, 0.0]
+    flight, replay, wall = RollCall(TWO_UGVS), RollCall(TWO_UGVS), []
+    monkeypatch.setattr("time.time_ns", lambda: wall[-1] * 1000)
+    monkeypatch.setattr("time.monotonic_ns", lambda: (wall[-1] + 5_000_000) * 1000)
+    for second, age_s in enumerate(ages_s):
+        (now,) = flown(frames=1, seconds=float(second), **POSITIONED | {"position_age_s": age_s})
+        wall.append(now.t_us + round(lates_s[second % 5] * 1e6))
+        flight.add_in_flight(now)
+        replay.add(now)
+    assert flight.rows()[1].longest_silence_s == replay.rows()[1].longest_silence_s == pytest.approx(12.0)
+    wall.append(now.t_us - 3_600_000_000)
+    flight.add_in_flight(now)
+    assert flight.rows()[1].longest_silence_s < 13.0, "the wall clock was set back meanwhile"
+
+
 def test_an_alarm_counts_once_whatever_its_levels_and_comes_again():
     def stale(level, since_us):
         text = f"UGV-3: position {level}"
