@@ -283,6 +283,8 @@ SENTENCES: Mapping[str, Check] = {
     "its box is predicted, and one that is seen has the name": _so,
     "{name}: never heard": _never_heard,
     "{name}: no heartbeat": _silent,
+    "{name}: no heartbeat: its link brings garbled bytes": _silent,
+    "{name}: no heartbeat: its link brings garbled bytes, perhaps its own": _silent,
     "{name}: position stale": _without_position,
     "{name}: position lost": _without_position,
     "{name}: its position contradicts the video": _lies,

@@ -186,6 +186,7 @@ def vehicle_rows(
                 position_age_s=status.position_age_s,
                 position_state=status.position_state,
                 loss=status.loss,
+                link=status.link,
                 p_enu=state.uav.p_enu if is_uav else state.p_enu[k - 1],
                 heading=state.uav.yaw if is_uav else float(state.heading[k - 1]),
                 std_m=float("nan") if is_uav else float(state.std_m[k - 1]),

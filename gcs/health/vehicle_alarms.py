@@ -11,6 +11,8 @@ from mavlink.estimation.interpolation import LOST_S
 from mavlink.estimation.origin import FLEET_SPAN_M
 from mavlink.state import SILENT_S
 
+GARBLED_PER_S = 20.0
+"""Stray bytes a second from which on a link brings garbled bytes: as many as a heartbeat a second has."""
 NO_HEARTBEAT_S = 10.0
 """A vehicle whose positions come is not silent for a few heartbeats that a bad link has swallowed, but after this."""
 SPEAKS_S = 1.5
@@ -53,6 +55,15 @@ def _silent(row: VehicleRow) -> bool:
     return row.heartbeat_age_s > SILENT_S and _ever_received(row) and not positions_come
 
 
+def _garbled(row: VehicleRow, now: Snapshot) -> str:
+    """Word on what its link brings in place of its packets; empty where that is nothing, or not known."""
+    link = next((link for link in now.health.links if link.index == row.link >= 0), None)
+    if link is None or not link.junk_per_s >= GARBLED_PER_S:
+        return ""
+    # of a link that several share nobody knows whose bytes they were
+    return f"its link brings garbled bytes{', perhaps its own' * (link.packets_per_s > 0.0)}"
+
+
 def answers(row: VehicleRow) -> bool:
     """Tell whether it was received before, and is now."""
     return _ever_received(row) and not _silent(row)
@@ -91,11 +102,13 @@ VEHICLE_RULES: tuple[AlarmRule[VehicleRow], ...] = (
         kind="vehicle",
         text="no heartbeat",
         on_and_off="it is heard on and off",
-        meaning=f"nothing received for {SILENT_S:g} s, or no heartbeat for {NO_HEARTBEAT_S:g} s though positions come",
+        meaning=f"nothing received for {SILENT_S:g} s, or no heartbeat for {NO_HEARTBEAT_S:g} s though positions come; "
+        f"where its link brings {GARBLED_PER_S:g} bytes a second and more that are no packets, that is given",
         advice="its radio or power is gone, it is out of range, or all it sends is refused or garbled; its last "
         "position stays on the map",
         # what is held comes, and is an alarm of its own
         condition=lambda row, now: _silent(row) and not _is_held(row, now),
+        detail=_garbled,
     ),
     # that a silent vehicle sends no positions goes without saying; what was wrong before is not over by that
     AlarmRule(
