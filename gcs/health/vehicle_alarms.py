@@ -61,7 +61,7 @@ def _garbled(row: VehicleRow, now: Snapshot) -> str:
     if link is None or not link.junk_per_s >= GARBLED_PER_S:
         return ""
     # of a link that several share nobody knows whose bytes they were
-    return f"its link brings garbled bytes{', perhaps its own' * (link.packets_per_s > 0.0)}"
+    return f"its link brings garbled bytes{', perhaps its own' * (link.silent_s < SPEAKS_S)}"
 
 
 def answers(row: VehicleRow) -> bool:
