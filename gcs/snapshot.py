@@ -153,6 +153,8 @@ class VehicleRow:
     position_age_s: float = NEVER
     position_state: str = "never"
     """``ok``, ``stale``, ``lost``, ``never``, ``refused`` or ``contested``."""
+    frozen: bool = False
+    """True if a position that is stale or lost comes over and over: it stands still for that age."""
     loss: float = NAN
     """Share of packets lost lately, 0..1, NaN unknown."""
     link: int = -1

@@ -185,6 +185,7 @@ def vehicle_rows(
                 heartbeat_age_s=status.heartbeat_age_s,
                 position_age_s=status.position_age_s,
                 position_state=status.position_state,
+                frozen=status.frozen,
                 loss=status.loss,
                 link=status.link,
                 p_enu=state.uav.p_enu if is_uav else state.p_enu[k - 1],

@@ -19,6 +19,8 @@ SPEAKS_S = 1.5
 """A vehicle whose heartbeat is no older sends: what does not come is missing."""
 UNSTEADY_S = 1.0
 """Time for which positions may be stale, or be rejected, without an alarm: radios hold them up."""
+STILL_S = 2.0
+"""Time for which nothing but a stale position may come over and over, without an alarm."""
 BACK_S = 3.0
 """Time from the first heartbeats of a vehicle that is back to its positions."""
 NO_POSITION_S = 10.0
@@ -34,6 +36,7 @@ LOSS_S = 5.0
 BAD_LOSS = 0.5
 """Share of packets lost from which on it is an alarm whatever the mission's limit: a position a second becomes one in
 two, and is stale between them."""
+STANDS_STILL = "its position stands still"
 CONTRADICTED, DOUBTED = "its position contradicts the video", "it doubts its own position"
 """The sentences of screens, events, candidates and exports alike."""
 APART_M, APART_STDS, APART_S = 8.0, 3.0, 1.0
@@ -118,8 +121,8 @@ VEHICLE_RULES: tuple[AlarmRule[VehicleRow], ...] = (
         text="position stale",
         on_and_off="its positions come and go",
         meaning=f"heartbeats come, and no new position for twice its usual interval and more than {UNSTEADY_S:g} s",
-        advice="check its stream rates; its receiver hangs if it drives and reports one place",
-        condition=lambda row, _: row.position_state == "stale" and row.heartbeat_age_s < SPEAKS_S,
+        advice="check its stream rates",
+        condition=lambda row, _: row.position_state == "stale" and not row.frozen and row.heartbeat_age_s < SPEAKS_S,
         kept_while=lambda row, _: row.position_state == "stale" and _silent(row),
         lasts_s=UNSTEADY_S,
     ),
@@ -130,10 +133,22 @@ VEHICLE_RULES: tuple[AlarmRule[VehicleRow], ...] = (
         text="position lost",
         on_and_off="its positions come and go",
         meaning=f"heartbeats come, and no new position for more than {LOST_S:g} s, and four times as long as usual",
-        advice="check its stream rates; its receiver hangs if it drives and reports one place",
-        condition=lambda row, _: row.position_state == "lost" and row.heartbeat_age_s < SPEAKS_S,
+        advice="check its stream rates",
+        condition=lambda row, _: row.position_state == "lost" and not row.frozen and row.heartbeat_age_s < SPEAKS_S,
         kept_while=lambda row, _: row.position_state == "lost" and _silent(row),
         lasts_s=BACK_S,
+    ),
+    AlarmRule(
+        key="frozen",
+        level="alarm",
+        kind="vehicle",
+        text=STANDS_STILL,
+        meaning=f"heartbeats and positions come, and for {STILL_S + 1.0:g} s and more all of one place though it "
+        "reports to drive, or all of one time",
+        advice="its receiver or its autopilot hangs, and it may be elsewhere by now: stop it, and restart what hangs",
+        condition=lambda row, _: row.frozen and row.heartbeat_age_s < SPEAKS_S,
+        kept_while=lambda row, _: row.position_state == "lost" and _silent(row),
+        lasts_s=STILL_S,
     ),
     AlarmRule(
         key="refused",

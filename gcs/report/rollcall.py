@@ -58,6 +58,8 @@ class RollCallRow:
     """Reason for the outcome, plain text, possibly from the air; empty for nothing."""
     longest_silence_s: float
     """Longest time without a position, from the flight's begin to its end."""
+    silence_frozen: bool
+    """True if one position came over and over at the end of that time."""
 
     @property
     def first_named(self) -> str:
@@ -69,7 +71,8 @@ class RollCallRow:
         """Notes for the operator besides the figures, empty for nothing."""
         parts = [] if self.outcome == "named" else [f"{self.outcome}: {self.why}" if self.why else self.outcome]
         if self.longest_silence_s > SILENT_S and self.outcome not in WITHOUT_POSITION:
-            parts.append(f"no position for {self.longest_silence_s:.1f} s")
+            lacked = "its position stood still" if self.silence_frozen else "no position"
+            parts.append(f"{lacked} for {self.longest_silence_s:.1f} s")
         if self.outcome == "named" and self.frames_unknown > _MANY * (self.frames_unknown + self.frames_in_view):
             parts.append(f"not known whether in view in {self.frames_unknown} frames")
         return "; ".join(parts)
@@ -109,6 +112,7 @@ class _Entry:
     placed_s: float = 0.0
     """Time of its last position, since the flight's begin: before its first one it is silent from there."""
     silence_s: float = 0.0
+    silence_frozen: bool = False
 
 
 class RollCall:
@@ -265,6 +269,7 @@ class RollCall:
             outcome=outcome,
             why=why,
             longest_silence_s=entry.silence_s,
+            silence_frozen=entry.silence_frozen,
         )
 
     def _outcome(self, entry: _Entry) -> tuple[Outcome, str]:
@@ -310,4 +315,5 @@ def _watch(entry: _Entry, row: VehicleRow, at_s: float) -> None:
     entry.waits_for = row.refused_for or entry.waits_for
     # an age leaps where the wall clock was set: a position that came is not older for that
     entry.placed_s = max(entry.placed_s, at_s - row.position_age_s)
-    entry.silence_s = max(entry.silence_s, at_s - entry.placed_s)
+    if at_s - entry.placed_s > entry.silence_s:
+        entry.silence_s, entry.silence_frozen = at_s - entry.placed_s, row.frozen

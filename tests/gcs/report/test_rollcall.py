@@ -93,6 +93,17 @@ def test_a_silence_lasts_from_the_begin_and_to_the_end():
     assert never.rows()[1].longest_silence_s == pytest.approx(60.0)
 
 
+def test_a_silence_in_which_the_position_stood_still_is_told_as_that():
+    def at(seconds, age_s, *, frozen):
+        state = {"position_age_s": age_s, "position_state": "lost" if frozen else "ok", "frozen": frozen}
+        (now,) = flown(frames=1, seconds=seconds, **POSITIONED | state)
+        return now
+
+    calls = called([at(0.0, 0.1, frozen=False), at(12.0, 12.0, frozen=True), at(13.0, 0.1, frozen=False)])
+    row = calls.rows()[1]
+    assert row.silence_frozen and row.remark.endswith("its position stood still for 12.0 s")
+
+
 def test_a_flight_counts_the_silence_of_its_replay_however_late_it_is_shown(monkeypatch):
     ages_s = [*(0.1 for _ in range(5)), *(k * 1.0 for k in range(1, 13)), 0.1]
     lates_s = [0.1, 0.9, 0.3, 0.6, 0.0]
