@@ -296,7 +296,9 @@ async def test_of_a_provisional_place_no_candidate_was_never_heard(provisional, 
         assert ("may be UGV-15: not heard" in said) is provisional and "no position" in said
 
 
-@pytest.mark.parametrize(("frozen", "words"), [(False, ("no position", "lost 12s")), (True, ("same place", "same 12s"))])
+@pytest.mark.parametrize(
+    ("frozen", "words"), [(False, ("no position", "lost 12s")), (True, ("same place", "same 12s"))]
+)
 async def test_a_position_that_stands_still_is_not_called_lost(frozen, words):
     gone = {"standing": "no position", "position_state": "lost", "position_age_s": 12.0, "frozen": frozen}
     rows = tuple(replace(row, **gone) if row.system_id == 14 else row for row in SNAPSHOT.vehicles)
