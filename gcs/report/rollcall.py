@@ -59,7 +59,7 @@ class RollCallRow:
     longest_silence_s: float
     """Longest time without a position, from the flight's begin to its end."""
     silence_frozen: bool
-    """True if one position came over and over at the end of that time."""
+    """True if one position came over and over in that time."""
 
     @property
     def first_named(self) -> str:
@@ -113,6 +113,8 @@ class _Entry:
     """Time of its last position, since the flight's begin: before its first one it is silent from there."""
     silence_s: float = 0.0
     silence_frozen: bool = False
+    frozen: bool = False
+    """Whether its position has stood still since it was last good."""
 
 
 class RollCall:
@@ -315,5 +317,7 @@ def _watch(entry: _Entry, row: VehicleRow, at_s: float) -> None:
     entry.waits_for = row.refused_for or entry.waits_for
     # an age leaps where the wall clock was set: a position that came is not older for that
     entry.placed_s = max(entry.placed_s, at_s - row.position_age_s)
+    # in the last moment of a silence the next position has come already, and is of a later time
+    entry.frozen = row.frozen or (entry.frozen and row.position_state != "ok")
     if at_s - entry.placed_s > entry.silence_s:
-        entry.silence_s, entry.silence_frozen = at_s - entry.placed_s, row.frozen
+        entry.silence_s, entry.silence_frozen = at_s - entry.placed_s, entry.frozen

@@ -95,11 +95,11 @@ def test_a_silence_lasts_from_the_begin_and_to_the_end():
 
 def test_a_silence_in_which_the_position_stood_still_is_told_as_that():
     def at(seconds, age_s, *, frozen):
-        state = {"position_age_s": age_s, "position_state": "lost" if frozen else "ok", "frozen": frozen}
+        state = {"position_age_s": age_s, "position_state": "lost" if age_s > 3.0 else "ok", "frozen": frozen}
         (now,) = flown(frames=1, seconds=seconds, **POSITIONED | state)
         return now
 
-    calls = called([at(0.0, 0.1, frozen=False), at(12.0, 12.0, frozen=True), at(13.0, 0.1, frozen=False)])
+    calls = called([at(0.0, 0.1, frozen=False), at(11.8, 11.8, frozen=True), at(12.0, 12.0, frozen=False), at(13.0, 0.1, frozen=False)])
     row = calls.rows()[1]
     assert row.silence_frozen and row.remark.endswith("its position stood still for 12.0 s")
 
