@@ -99,7 +99,14 @@ def test_a_silence_in_which_the_position_stood_still_is_told_as_that():
         (now,) = flown(frames=1, seconds=seconds, **POSITIONED | state)
         return now
 
-    calls = called([at(0.0, 0.1, frozen=False), at(11.8, 11.8, frozen=True), at(12.0, 12.0, frozen=False), at(13.0, 0.1, frozen=False)])
+    calls = called(
+        [
+            at(0.0, 0.1, frozen=False),
+            at(11.8, 11.8, frozen=True),
+            at(12.0, 12.0, frozen=False),
+            at(13.0, 0.1, frozen=False),
+        ]
+    )
     row = calls.rows()[1]
     assert row.silence_frozen and row.remark.endswith("its position stood still for 12.0 s")
 
