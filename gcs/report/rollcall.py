@@ -152,7 +152,7 @@ class RollCall:
 
     def add_in_flight(self, snapshot: Snapshot) -> None:
         """Take in the next snapshot of a flight that is under way; silences are those of its replay, however late."""
-        self.add(snapshot, steady_us(snapshot.t_us))
+        self.add(snapshot, steady_us(snapshot.now_us))
 
     def add_fleet(self, snapshot: Snapshot, at_us: int | None = None) -> None:
         """Take in how the fleet is: who is heard and has a position, alarms, marks.
@@ -160,16 +160,18 @@ class RollCall:
         Args:
             at_us: its time by a clock that nobody sets, µs from any moment on; None: as it is stamped.
         """
-        at_us = snapshot.t_us if at_us is None else at_us
+        at_us = snapshot.now_us if at_us is None else at_us
         if self._begin_us is None:
             self._begin_us = at_us
+        # a frame that was taken before the last moment has ages of its own time, and counts as of that moment
+        taken_us = at_us - (snapshot.now_us - snapshot.t_us)
         for row in snapshot.vehicles:
             if row.role == "uav":
                 self.uav_name = row.name
             else:
                 entry = self._entries.setdefault(row.system_id, _Entry())
                 self._names[row.system_id] = row.name
-                _watch(entry, row, (at_us - self._begin_us) * 1e-6)
+                _watch(entry, row, (taken_us - self._begin_us) * 1e-6)
         self._alarms.add(at_us, snapshot.alarms)
         self.marks += _marks(snapshot.events)
 

@@ -128,6 +128,15 @@ def test_a_flight_counts_the_silence_of_its_replay_however_late_it_is_shown(monk
     assert flight.rows()[1].longest_silence_s < 13.0, "the wall clock was set back meanwhile"
 
 
+def test_a_frame_that_was_taken_before_the_last_moment_makes_no_silence_shorter():
+    calls = RollCall(TWO_UGVS)
+    for second, age_s, late_s in ((0.0, 0.1, 0.0), (1.0, 1.1, 0.0), (0.9, 1.0, 0.4), (12.0, 12.1, 0.0)):
+        (now,) = flown(frames=1, seconds=second, **POSITIONED | {"position_age_s": age_s})
+        latest_us = now.t_us + round(late_s * 1e6)
+        calls.add(replace(now, clock_us=latest_us), latest_us)
+    assert calls.rows()[1].longest_silence_s == pytest.approx(12.0)
+
+
 def test_an_alarm_counts_once_whatever_its_levels_and_comes_again():
     def stale(level, since_us):
         text = f"UGV-3: position {level}"
