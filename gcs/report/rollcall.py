@@ -114,7 +114,7 @@ class _Entry:
     silence_s: float = 0.0
     silence_frozen: bool = False
     frozen: bool = False
-    """Whether its position has stood still since it was last good."""
+    """True if its position has stood still since it was last good."""
 
 
 class RollCall:
