@@ -153,8 +153,12 @@ class VehicleRow:
     position_age_s: float = NEVER
     position_state: str = "never"
     """``ok``, ``stale``, ``lost``, ``never``, ``refused`` or ``contested``."""
+    frozen: bool = False
+    """True if a position that is stale or lost comes over and over: it stands still for that age."""
     loss: float = NAN
     """Share of packets lost lately, 0..1, NaN unknown."""
+    link: int = -1
+    """Index of the link of its newest packet, −1 before any."""
     p_enu: NDArray[np.float64] = field(default_factory=_nowhere)
     """(3,) metres, NaN unknown."""
     heading: float = NAN
@@ -297,6 +301,10 @@ class LinkHealth:
     """Stray bytes that are no MAVLink."""
     packets_per_s: float = NAN
     """Lately, NaN unknown."""
+    junk_per_s: float = NAN
+    """Stray bytes a second lately, NaN unknown."""
+    index: int = -1
+    """Index of the link in the flight, −1 unknown."""
     flooded: bool = False
     """True if a sender is rate-limited."""
 

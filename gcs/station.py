@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal, Protocol
+from typing import Final, Literal, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +14,9 @@ from gcs.snapshot import Alarm, Event, FleetChange, Snapshot
 from gcs.trails import Trail
 from mavlink.geodesy import LocalFrame
 from mavlink.transmit.message_rates import Rate
+
+SIMULATION_OVER: Final = "the simulated flight is over: names and places are of the past"
+"""Sentence of screens and events once a simulated fleet has ended."""
 
 
 class Commands(Protocol):
@@ -125,6 +128,10 @@ class Timeline(Protocol):
 
 class Practice(Protocol):
     """Troubles that a simulated fleet can be given."""
+
+    @property
+    def over(self) -> bool:
+        """True once the simulated fleet has ended: all that is shown is of the past."""
 
     def troubles(self, system_id: int) -> Sequence[tuple[str, str]]:
         """Return a key and words for each that a vehicle may have, with whether it has it."""

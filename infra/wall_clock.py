@@ -16,6 +16,18 @@ def now_us() -> int:
     return time.time_ns() // 1000
 
 
+def steady_us(t_us: int) -> int:
+    """A past Unix time on the monotonic clock, which nobody sets, µs.
+
+    How long ago it was is read off the wall clock, so that it does not matter how late this is asked. Where the wall
+    clock was set back in between it is now.
+
+    Args:
+        t_us: Unix µs.
+    """
+    return time.monotonic_ns() // 1000 - max(now_us() - t_us, 0)
+
+
 class ClockWatch:
     """Compares the wall clock with the monotonic one, which cannot be set; slewing moves both and is no step.
 

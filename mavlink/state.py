@@ -163,6 +163,8 @@ class VehicleStatus:
     refused: int
     """Positions that were rejected."""
     last_text: str
+    frozen: bool = False
+    """True if a position that is stale or lost comes over and over: of one place though it drives, or of one time."""
     contested: bool = False
     """True if two senders use this system id (an id conflict): its reports are not used."""
     jumps: bool = False

@@ -195,7 +195,7 @@ def fly(
         calls.other_views = tuple(seen.values())[1:]
 
         def take(place: int, snapshot: Snapshot) -> None:
-            seen[place].add(snapshot, time.monotonic_ns() // 1000)
+            seen[place].add_in_flight(snapshot)
 
         with naming_own_flight(links):
             flight = Flight(plan, take, ready.listening)

@@ -400,6 +400,8 @@ class Flight:
         return frozenset(self._first.pipeline.mission.system_ids)
 
     def _check_health(self) -> None:
+        if self._practice:
+            self._practice.look()
         for event in self._newcomers.look(now_us(), self._fleet, self.latest_of_first()):
             self.add_event(event)
         first, *others = self._views.all.values()

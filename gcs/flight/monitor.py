@@ -86,7 +86,11 @@ class FlightMonitor:
         states = recorder.states(ingest.record).values()
         worst = max(states, key=lambda state: state.failing_s)
         health = Health(
-            links=tuple(_link(link) for link in ingest.links if link.counts.packets or link.name not in self._spare),
+            links=tuple(
+                _link(index, link)
+                for index, link in enumerate(ingest.links)
+                if link.counts.packets or link.name not in self._spare
+            ),
             recording_since_us=recorder.began_us,
             free_bytes=recorder.free_bytes,
             full_in_s=recorder.full_in_s,
@@ -119,7 +123,7 @@ def with_video(health: Health, video: FlightVideo, throughput: Throughput) -> He
     )
 
 
-def _link(link: LinkReport) -> LinkHealth:
+def _link(index: int, link: LinkReport) -> LinkHealth:
     counts = link.counts
     return LinkHealth(
         name=link.name,
@@ -129,4 +133,5 @@ def _link(link: LinkReport) -> LinkHealth:
         silent_s=counts.silent_s,
         junk_bytes=counts.junk_bytes,
         flooded=link.narrow,
+        index=index,
     )

@@ -142,7 +142,8 @@ def missing_because(status: VehicleRow | VehicleStatus | None, age_s: float, *, 
     if age_s > OLD_S:
         # positions that it doubts come, and are not used
         doubts = status.doubted_for and status.position_age_s <= OLD_S
-        return DOUBTED if doubts else f"no position for {age_s:.0f} s"
+        stands = f"its position has stood still for {age_s:.0f} s" if status.frozen else ""
+        return DOUBTED if doubts else stands or f"no position for {age_s:.0f} s"
     return CONTRADICTED if contradicted else ""
 
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from assoc.records import Identities
 from gcs.certainty import certainty
-from gcs.health.vehicle_alarms import CONTRADICTED
+from gcs.health.vehicle_alarms import CONTRADICTED, STANDS_STILL
 from gcs.mission.mission import Mission
 from gcs.snapshot import Event
 from mavlink.state import FleetState, Level
@@ -128,6 +128,8 @@ class NameChanges:
             return "several senders use its id"
         if track not in identities.track_id:
             return "it left the picture" if track in self._at_border else "the track was lost"
+        if status.frozen and status.position_state == "lost":
+            return STANDS_STILL
         if status.position_state in ("refused", "lost"):
             because = f": {status.refused_for}" if status.position_state == "refused" and status.refused_for else ""
             return f"its positions are {status.position_state}{because}"

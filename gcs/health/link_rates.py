@@ -46,4 +46,5 @@ def _rated(link: LinkHealth, before: tuple[LinkHealth, ...], span_s: float) -> L
     return replace(
         link,
         packets_per_s=(link.packets - then.packets) / span_s,
+        junk_per_s=max(link.junk_bytes - then.junk_bytes, 0) / span_s,
     )

@@ -11,12 +11,16 @@ from mavlink.estimation.interpolation import LOST_S
 from mavlink.estimation.origin import FLEET_SPAN_M
 from mavlink.state import SILENT_S
 
+GARBLED_PER_S = 20.0
+"""Stray bytes a second from which on a link brings garbled bytes: as many as a heartbeat a second has."""
 NO_HEARTBEAT_S = 10.0
 """A vehicle whose positions come is not silent for a few heartbeats that a bad link has swallowed, but after this."""
 SPEAKS_S = 1.5
 """A vehicle whose heartbeat is no older sends: what does not come is missing."""
 UNSTEADY_S = 1.0
 """Time for which positions may be stale, or be rejected, without an alarm: radios hold them up."""
+STILL_S = 2.0
+"""Time for which nothing but a stale position may come over and over, without an alarm."""
 BACK_S = 3.0
 """Time from the first heartbeats of a vehicle that is back to its positions."""
 NO_POSITION_S = 10.0
@@ -32,6 +36,7 @@ LOSS_S = 5.0
 BAD_LOSS = 0.5
 """Share of packets lost from which on it is an alarm whatever the mission's limit: a position a second becomes one in
 two, and is stale between them."""
+STANDS_STILL = "its position stands still"
 CONTRADICTED, DOUBTED = "its position contradicts the video", "it doubts its own position"
 """The sentences of screens, events, candidates and exports alike."""
 APART_M, APART_STDS, APART_S = 8.0, 3.0, 1.0
@@ -51,6 +56,15 @@ def _ever_received(row: VehicleRow) -> bool:
 def _silent(row: VehicleRow) -> bool:
     positions_come = row.position_state == "ok" and row.heartbeat_age_s < NO_HEARTBEAT_S
     return row.heartbeat_age_s > SILENT_S and _ever_received(row) and not positions_come
+
+
+def _garbled(row: VehicleRow, now: Snapshot) -> str:
+    """Word on what its link brings in place of its packets; empty where that is nothing, or not known."""
+    link = next((link for link in now.health.links if link.index == row.link >= 0), None)
+    if link is None or not link.junk_per_s >= GARBLED_PER_S:
+        return ""
+    # of a link that several share nobody knows whose bytes they were
+    return f"its link brings garbled bytes{', perhaps its own' * (link.silent_s < SPEAKS_S)}"
 
 
 def answers(row: VehicleRow) -> bool:
@@ -91,11 +105,13 @@ VEHICLE_RULES: tuple[AlarmRule[VehicleRow], ...] = (
         kind="vehicle",
         text="no heartbeat",
         on_and_off="it is heard on and off",
-        meaning=f"nothing received for {SILENT_S:g} s, or no heartbeat for {NO_HEARTBEAT_S:g} s though positions come",
+        meaning=f"nothing received for {SILENT_S:g} s, or no heartbeat for {NO_HEARTBEAT_S:g} s though positions come; "
+        f"where its link brings {GARBLED_PER_S:g} bytes a second and more that are no packets, that is given",
         advice="its radio or power is gone, it is out of range, or all it sends is refused or garbled; its last "
         "position stays on the map",
         # what is held comes, and is an alarm of its own
         condition=lambda row, now: _silent(row) and not _is_held(row, now),
+        detail=_garbled,
     ),
     # that a silent vehicle sends no positions goes without saying; what was wrong before is not over by that
     AlarmRule(
@@ -105,8 +121,8 @@ VEHICLE_RULES: tuple[AlarmRule[VehicleRow], ...] = (
         text="position stale",
         on_and_off="its positions come and go",
         meaning=f"heartbeats come, and no new position for twice its usual interval and more than {UNSTEADY_S:g} s",
-        advice="check its stream rates; its receiver hangs if it drives and reports one place",
-        condition=lambda row, _: row.position_state == "stale" and row.heartbeat_age_s < SPEAKS_S,
+        advice="check its stream rates",
+        condition=lambda row, _: row.position_state == "stale" and not row.frozen and row.heartbeat_age_s < SPEAKS_S,
         kept_while=lambda row, _: row.position_state == "stale" and _silent(row),
         lasts_s=UNSTEADY_S,
     ),
@@ -117,10 +133,22 @@ VEHICLE_RULES: tuple[AlarmRule[VehicleRow], ...] = (
         text="position lost",
         on_and_off="its positions come and go",
         meaning=f"heartbeats come, and no new position for more than {LOST_S:g} s, and four times as long as usual",
-        advice="check its stream rates; its receiver hangs if it drives and reports one place",
-        condition=lambda row, _: row.position_state == "lost" and row.heartbeat_age_s < SPEAKS_S,
+        advice="check its stream rates",
+        condition=lambda row, _: row.position_state == "lost" and not row.frozen and row.heartbeat_age_s < SPEAKS_S,
         kept_while=lambda row, _: row.position_state == "lost" and _silent(row),
         lasts_s=BACK_S,
+    ),
+    AlarmRule(
+        key="frozen",
+        level="alarm",
+        kind="vehicle",
+        text=STANDS_STILL,
+        meaning=f"heartbeats and positions come, and for {STILL_S + 1.0:g} s and more all of one place though it "
+        "reports to drive, or all of one time",
+        advice="its receiver or its autopilot hangs, and it may be elsewhere by now: stop it, and restart what hangs",
+        condition=lambda row, _: row.frozen and row.heartbeat_age_s < SPEAKS_S,
+        kept_while=lambda row, _: row.position_state == "lost" and _silent(row),
+        lasts_s=STILL_S,
     ),
     AlarmRule(
         key="refused",

@@ -61,6 +61,7 @@ def _vehicle(snapshot: Snapshot, row: VehicleRow) -> dict[str, object]:
         "confidence": _rounded(row.confidence, 4),
         "track_id": row.track_id or None,
         "position_state": row.position_state,
+        "position_frozen": row.frozen,
         "position_age_s": _rounded(row.position_age_s, 3),
         "lat": _rounded(lat, 7),
         "lon": _rounded(lon, 7),

@@ -15,6 +15,7 @@ from gcs.health.alarm_history import AlarmHistory, AlarmSpan
 from gcs.health.heard import is_heard, refused_because
 from gcs.mission.mission import Mission
 from gcs.snapshot import Event, Snapshot, VehicleRow
+from infra.wall_clock import steady_us
 from mavlink.state import SILENT_S
 
 Outcome = Literal[
@@ -57,6 +58,8 @@ class RollCallRow:
     """Reason for the outcome, plain text, possibly from the air; empty for nothing."""
     longest_silence_s: float
     """Longest time without a position, from the flight's begin to its end."""
+    silence_frozen: bool
+    """True if one position came over and over in that time."""
 
     @property
     def first_named(self) -> str:
@@ -68,7 +71,8 @@ class RollCallRow:
         """Notes for the operator besides the figures, empty for nothing."""
         parts = [] if self.outcome == "named" else [f"{self.outcome}: {self.why}" if self.why else self.outcome]
         if self.longest_silence_s > SILENT_S and self.outcome not in WITHOUT_POSITION:
-            parts.append(f"no position for {self.longest_silence_s:.1f} s")
+            lacked = "its position stood still" if self.silence_frozen else "no position"
+            parts.append(f"{lacked} for {self.longest_silence_s:.1f} s")
         if self.outcome == "named" and self.frames_unknown > _MANY * (self.frames_unknown + self.frames_in_view):
             parts.append(f"not known whether in view in {self.frames_unknown} frames")
         return "; ".join(parts)
@@ -108,6 +112,9 @@ class _Entry:
     placed_s: float = 0.0
     """Time of its last position, since the flight's begin: before its first one it is silent from there."""
     silence_s: float = 0.0
+    silence_frozen: bool = False
+    frozen: bool = False
+    """True if its position has stood still since it was last good."""
 
 
 class RollCall:
@@ -143,22 +150,28 @@ class RollCall:
         self.add_fleet(snapshot, at_us)
         self.add_boxes(snapshot)
 
+    def add_in_flight(self, snapshot: Snapshot) -> None:
+        """Take in the next snapshot of a flight that is under way; silences are those of its replay, however late."""
+        self.add(snapshot, steady_us(snapshot.now_us))
+
     def add_fleet(self, snapshot: Snapshot, at_us: int | None = None) -> None:
         """Take in how the fleet is: who is heard and has a position, alarms, marks.
 
         Args:
             at_us: its time by a clock that nobody sets, µs from any moment on; None: as it is stamped.
         """
-        at_us = snapshot.t_us if at_us is None else at_us
+        at_us = snapshot.now_us if at_us is None else at_us
         if self._begin_us is None:
             self._begin_us = at_us
+        # a frame that was taken before the last moment has ages of its own time, and counts as of that moment
+        taken_us = at_us - (snapshot.now_us - snapshot.t_us)
         for row in snapshot.vehicles:
             if row.role == "uav":
                 self.uav_name = row.name
             else:
                 entry = self._entries.setdefault(row.system_id, _Entry())
                 self._names[row.system_id] = row.name
-                _watch(entry, row, (at_us - self._begin_us) * 1e-6)
+                _watch(entry, row, (taken_us - self._begin_us) * 1e-6)
         self._alarms.add(at_us, snapshot.alarms)
         self.marks += _marks(snapshot.events)
 
@@ -260,6 +273,7 @@ class RollCall:
             outcome=outcome,
             why=why,
             longest_silence_s=entry.silence_s,
+            silence_frozen=entry.silence_frozen,
         )
 
     def _outcome(self, entry: _Entry) -> tuple[Outcome, str]:
@@ -305,4 +319,7 @@ def _watch(entry: _Entry, row: VehicleRow, at_s: float) -> None:
     entry.waits_for = row.refused_for or entry.waits_for
     # an age leaps where the wall clock was set: a position that came is not older for that
     entry.placed_s = max(entry.placed_s, at_s - row.position_age_s)
-    entry.silence_s = max(entry.silence_s, at_s - entry.placed_s)
+    # in the last moment of a silence the next position has come already, and is of a later time
+    entry.frozen = row.frozen or (entry.frozen and row.position_state != "ok")
+    if at_s - entry.placed_s > entry.silence_s:
+        entry.silence_s, entry.silence_frozen = at_s - entry.placed_s, entry.frozen

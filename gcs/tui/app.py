@@ -214,6 +214,7 @@ class RollcallApp(ReplayApp):
             self._alarms.seen,
             error=self._station.error,
             silent_s=silent_s if live and silent_s > self.silent_after_s else 0.0,
+            over=self._station.practice is not None and self._station.practice.over,
         )
 
     def action_pane(self, pane: str) -> None:

@@ -1,6 +1,7 @@
 """Trust in one vehicle's positions, beyond what each report shows by itself.
 
 - :class:`PositionRejections` counts what was not used, and why.
+- :class:`RepeatedPositions` finds out whether one position comes over and over.
 - :class:`JumpDetector` finds positions that jump to and fro, as of a receiver that is jammed or fails.
 - :class:`GpsReceivers` keeps what the vehicle's receivers report of their fix.
 - :class:`PositionDoubts` collects what the vehicle's own autopilot and receiver report against its position.
@@ -15,7 +16,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 from infra.reporting import Throttle
-from mavlink.estimation.interpolation import Fix, PositionEstimate, horizontal_distance_m
+from mavlink.estimation.interpolation import LOST_S, Fix, PositionEstimate, horizontal_distance_m
 from mavlink.estimation.positions import NOT_YET, Verdict
 from mavlink.geodesy import LocalFrame
 from mavlink.protocol.messages import FilterStatus, GpsRaw, Heartbeat, SensorHealth, StatusText
@@ -24,6 +25,8 @@ from mavlink.reception.reception import SenderKey
 from mavlink.reception.rejected_packets import REPORT_AGAIN_US
 from mavlink.state import Level
 
+_REPEATED_US = 1_000_000
+"""Time after which a position that comes again is no copy of another radio, nor one of a receiver with slow fixes."""
 _JUMPS, _JUMPS_US = 3, 10_000_000
 """Jumps (there, back and there again), and the time within which they count as jumping to and fro."""
 _AWAY_US = 2_000_000
@@ -98,6 +101,33 @@ class PositionRejections:
     def counts(self) -> tuple[tuple[str, int], ...]:
         """Counts by reason, in order of first occurrence."""
         return tuple(self._counts.items())
+
+
+class RepeatedPositions:
+    """Finds out whether all that comes is one position, of one place though the vehicle drives, or of one time.
+
+    A parked vehicle's reports are of new times and of no speed: they may be of one place.
+    """
+
+    def __init__(self) -> None:
+        self._new_us = self._again_us = 0
+
+    def add(self, verdict: Verdict, t_us: int) -> None:
+        """Add a report's verdict and its arrival, Unix µs; that of a time that came before is ``DUPLICATE``."""
+        if verdict.accepted:
+            self._new_us = t_us
+        elif verdict in (Verdict.FROZEN, Verdict.DUPLICATE):
+            self._again_us = t_us
+
+    def add_copy(self, t_us: int) -> None:
+        """Add the arrival of a packet that came before byte for byte, as do those that repeat once the count of packets
+        has come round; it proves nothing by itself."""
+        if self.lasts(t_us):
+            self._again_us = t_us
+
+    def lasts(self, t_us: int) -> bool:
+        """Tell whether nothing but the same has come for a second and more, and still comes at a Unix time, µs."""
+        return self._again_us - self._new_us > _REPEATED_US and abs(t_us - self._again_us) < LOST_S * 1e6
 
 
 class JumpDetector:

@@ -19,7 +19,14 @@ from mavlink.estimation.clock_health import ClockHealth
 from mavlink.estimation.gimbal import GimbalSample
 from mavlink.estimation.interpolation import LOST_S, Attitudes, Fix, PositionEstimate
 from mavlink.estimation.origin import FLEET_SPAN_M
-from mavlink.estimation.position_quality import Doubt, GpsReceivers, JumpDetector, PositionDoubts, PositionRejections
+from mavlink.estimation.position_quality import (
+    Doubt,
+    GpsReceivers,
+    JumpDetector,
+    PositionDoubts,
+    PositionRejections,
+    RepeatedPositions,
+)
 from mavlink.estimation.positions import (
     UNSTEADY_ALTITUDE,
     Positions,
@@ -66,6 +73,8 @@ _SHARED_CLOCK_US = 500_000
 """A component whose messages come no later than this after the autopilot's of the same boot time has its clock."""
 _DELAY_GAIN, _DELAY_ASYMMETRY = 0.05, 9.0
 """Step of the usual delay towards one that is longer, and by how much smaller one towards a shorter delay is."""
+_POSITION = 33
+"""Id of GLOBAL_POSITION_INT."""
 _JUMPING = "it jumps between places, receiver jammed or failing"
 
 
@@ -140,12 +149,14 @@ class Vehicle:
         self._drives, self._limits = drives, limits
         self._reception, self._clock_health = Reception(), ClockHealth()
         self._components, self._receivers = Components(), GpsReceivers()
-        self._jumps, self._texts = JumpDetector(), StatusTexts()
+        self._jumps, self._repeats, self._texts = JumpDetector(), RepeatedPositions(), StatusTexts()
         self._change_reports, self._autopilot_reports = Throttle(_CHANGE_US), Throttle(_OTHER_AUTOPILOT_US)
 
     def count_packet(self, packet: Packet, message_id: int) -> Arrival | None:
         """Count a packet of a known message; None for a duplicate of one that came before."""
         arrival = self._reception.add_packet(packet, message_id)
+        if arrival is None and message_id == _POSITION:
+            self._repeats.add_copy(packet.t_us)
         if arrival is not None and packet.component_id == self._components.autopilot:
             self._duplicate_id.add_sender(arrival.sender, packet.t_us)
         return arrival
@@ -209,7 +220,7 @@ class Vehicle:
         self.positions.clear()
         self.attitudes.clear()
         self._clock_health.restart()
-        self._jumps = JumpDetector()
+        self._jumps, self._repeats = JumpDetector(), RepeatedPositions()
 
     def add_health(self, sample: FilterStatus | SensorHealth, arrival: Arrival) -> Notices:
         """EKF_STATUS_REPORT, ESTIMATOR_STATUS and SYS_STATUS of the autopilot."""
@@ -386,10 +397,11 @@ class Vehicle:
         if not math.isfinite(fix.up):
             return None, self.reject_position(t_us, "altitude unknown")
         if not reading.fit.fits:
-            self.rejections.count("seconds late" if reading.fit.late else "of another clock")
+            self._reject_time(reading, t_us)
             return None, ()
         before = self.positions.newest
         verdict = self.positions.add(reading.boot_us, fix, (sample.lat_deg, sample.lon_deg))
+        self._repeats.add(verdict, t_us)
         jumped = self._jumps.is_jumping(t_us)
         self._jumps.add(verdict, sender[:2], t_us, fix)
         if self._jumps.is_jumping(t_us):
@@ -412,6 +424,13 @@ class Vehicle:
         notices += self._altitude_notices(t_us, left_out)
         evidence = verdict in (Verdict.NEW, Verdict.MOVED) and not self.in_conflict(t_us)
         return fix if evidence else None, notices
+
+    def _reject_time(self, reading: ClockReading, t_us: int) -> None:
+        """Count a position whose time is not of the clock; it may be the newest one's, which comes again."""
+        newest = self.positions.newest
+        if newest is not None and reading.boot_us == newest[0]:
+            self._repeats.add(Verdict.DUPLICATE, t_us)
+        self.rejections.count("seconds late" if reading.fit.late else "of another clock")
 
     def _altitude_notices(self, t_us: int, left_out: tuple[str, ...]) -> Notices:
         if UNSTEADY_ALTITUDE not in left_out or not self.rejections.reports.due(UNSTEADY_ALTITUDE, t_us):
@@ -448,6 +467,7 @@ class Vehicle:
         rejected_packets, jumping = reception.rejections, self._jumps.is_jumping(t_us)
         contested = self.in_conflict(t_us)
         gps = self._receivers.of_component(t_us, self._components.autopilot)
+        position_state = self.position_state(t_us, estimate)
         return VehicleStatus(
             system_id=self.system_id,
             kind=self._components.kind,
@@ -456,7 +476,8 @@ class Vehicle:
             fix=fix_name(gps.fix_type) if gps else "none",
             heartbeat_age_s=max(0.0, (t_us - heartbeat.t_us) * 1e-6) if heartbeat else math.inf,
             position_age_s=estimate.age_s if estimate else math.inf,
-            position_state=self.position_state(t_us, estimate),
+            position_state=position_state,
+            frozen=position_state in ("stale", "lost") and self._repeats.lasts(t_us),
             period_s=self.positions.period_s,
             loss=reception.loss,
             refused=self.rejections.positions,

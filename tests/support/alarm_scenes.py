@@ -240,6 +240,39 @@ def stops_its_positions():
     return scene.run(8).came
 
 
+class Hung(Vehicle):
+    """Its positions are those of one moment, with the times of now, or all of it as it was."""
+
+    hung_us, timed = 0, True
+
+    def frames(self, t_us):
+        frozen = super()
+        for raw in frozen.frames(t_us):
+            is_position = self.hung_us and raw[7:10] == bytes([33, 0, 0])
+            yield self.again(t_us) if is_position else raw
+
+    def again(self, t_us):
+        boot_ms = (t_us if self.timed else self.hung_us) - self.booted_us
+        (east, north), (v_east, v_north) = self.place(self.hung_us)
+        lat, lon, alt = (float(x) for x in FIELD.to_geodetic([east, north, 0.0]))
+        return self.speaker.global_position_int(
+            boot_ms // 1000, lat, lon, alt, 0.0, (v_north, v_east, 0.0), math.atan2(v_east, v_north)
+        )
+
+
+def hung(timed=True, seconds=8):
+    """A vehicle whose position has stood still for so long."""
+    vehicle = type("Hung", (Hung,), {"timed": timed})(UGV)
+    scene = FilmedScene(vehicle).run(3)
+    vehicle.hung_us = scene.t_us
+    return scene.run(seconds)
+
+
+@raises("frozen")
+def reports_one_place_while_it_drives():
+    return hung().came
+
+
 @raises("refused")
 def reports_zeros():
     scene = Scene().run(3)

@@ -60,7 +60,10 @@ def _part(record: FlightSummary, vehicle: VehicleRecord, row: RollCallRow) -> st
         ("GNSS fix", _fixes(vehicle)),
         ("1σ of its position", _metres(vehicle.std_m)),
         ("packets lost", _percent(vehicle.loss)),
-        ("longest without a position", fixed(row.longest_silence_s, 2, "s")),
+        (
+            "longest without a position",
+            fixed(row.longest_silence_s, 2, "s") + ", while it stood still" * row.silence_frozen,
+        ),
     ]
     head = f"<h3>{words(vehicle.name)} <span class='soft'>system id {vehicle.system_id}</span></h3>"
     return f"<article>{head}{table(('what', 'found'), rows, caption=f'What is known of {vehicle.name}')}</article>"

@@ -39,9 +39,14 @@ def position(state: str, age_s: float) -> str:
     ``several`` send it."""
     if state == "ok":
         return age(age_s)
-    if state in ("stale", "lost") and math.isfinite(age_s):
+    if state in ("stale", "lost", "same") and math.isfinite(age_s):
         return f"{state} {age(age_s) if age_s >= 9.95 else f'{age_s:.0f}s'}"
     return "several" if state == "contested" else plain(state)
+
+
+def position_of(row: VehicleRow) -> str:
+    """A vehicle's position as ``position`` has it; ``same 12s`` while one comes over and over."""
+    return position("same" if row.frozen else row.position_state, row.position_age_s)
 
 
 def standing_word(standing: Standing) -> str:
@@ -75,6 +80,8 @@ def standing_of_row(row: VehicleRow) -> str:
             return "refused"
         if not is_heard(row):
             return "never heard"
+        if row.frozen:
+            return "same place"
     return standing_word(row.standing)
 
 

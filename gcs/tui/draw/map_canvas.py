@@ -19,7 +19,7 @@ from gcs.trails import Trail
 from gcs.tui.draw.braille import BrailleCanvas
 from gcs.tui.draw.cell_grid import CellGrid
 from gcs.tui.draw.cell_labels import draw_leaders, measure_cells, shows_in_cells, write_labels
-from gcs.tui.draw.format import position
+from gcs.tui.draw.format import position_of
 from gcs.tui.draw.freshness import USABLE_M, freshness
 from gcs.tui.draw.ground_view import HOME_ENU, MapView, scale_bar
 from gcs.tui.draw.map_lines import (
@@ -164,7 +164,7 @@ def map_labels(
     extras = extras or MapExtras()
     rows = _placed_rows(snapshot, selected)
     state = {
-        row.system_id: f" {position(row.position_state, row.position_age_s)}"
+        row.system_id: f" {position_of(row)}"
         for row in snapshot.vehicles
         if row.position_state != "ok" and (row.role == "ugv" or _is_old(row))
     }

@@ -14,6 +14,7 @@ from textual.widget import Widget
 from gcs.errors import FlightError
 from gcs.report.vehicle_names import text_with_sender
 from gcs.snapshot import Alarm, Event, Snapshot
+from gcs.station import SIMULATION_OVER
 from gcs.tui.draw.format import REPORTED_WORDS, age, clock
 from gcs.tui.draw.strips import cut_between_words, fitted, line
 from gcs.tui.palette import ALARM, FAINT, HEAD, PANEL, WARN, ink
@@ -55,6 +56,7 @@ def alert_of(
     *,
     error: BaseException | None = None,
     silent_s: float = 0.0,
+    over: bool = False,
 ) -> Alert:
     """The worst that is wrong.
 
@@ -64,6 +66,7 @@ def alert_of(
         seen: Acknowledged alarms.
         error: Why the station stopped, or what of it does not work.
         silent_s: For how long a flight has given nothing new, 0 while it does.
+        over: Whether the simulated fleet has ended, so that who is silent is no news; the recording goes on.
     """
     if error is not None:
         goes_on = isinstance(error, FlightError)
@@ -74,6 +77,8 @@ def alert_of(
         return Alert()
     fresh = unseen(snapshot.alarms, seen)
     loud = [alarm for alarm in fresh if alarm.level == "alarm"]
+    if over and not any(alarm.kind == "recording" for alarm in loud):
+        return Alert(text=f"{SIMULATION_OVER} — q quits")
     if loud:
         return _first(loud, snapshot.now_us, level="alarm", hinted=True)
     lately = [event for event in events if 0 <= snapshot.now_us - event.t_us < EVENT_SHOWN_US]

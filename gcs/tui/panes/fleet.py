@@ -23,6 +23,7 @@ from gcs.tui.draw.format import (
     number,
     percent,
     position,
+    position_of,
     standing_of_row,
 )
 from gcs.tui.draw.freshness import UNKNOWN, aged, fix_age_s, spread
@@ -110,7 +111,7 @@ def _heartbeat(row: VehicleRow) -> Cell:
 
 
 def _position(row: VehicleRow) -> Cell:
-    return position(row.position_state, row.position_age_s), position_colour(row.position_state)
+    return position_of(row), position_colour(row.position_state)
 
 
 def _spread(row: VehicleRow) -> Cell:
@@ -140,7 +141,7 @@ def _link_and_position(row: VehicleRow) -> Cell:
         return _link(row)
     text, colour = _position(row)
     old = row.position_state in ("stale", "lost") and math.isfinite(row.position_age_s)
-    return f"pos {age(row.position_age_s)}" if old else text, colour
+    return f"{'same' if row.frozen else 'pos'} {age(row.position_age_s)}" if old else text, colour
 
 
 def _auth(row: VehicleRow) -> Cell:

@@ -30,7 +30,7 @@ from gcs.tui.draw.format import (
     name_or_id,
     number,
     percent,
-    position,
+    position_of,
     standing_of_row,
 )
 from gcs.tui.draw.freshness import UNKNOWN, aged, fix_age_s, spread
@@ -396,7 +396,7 @@ def _spread(std: float, digits: int) -> str:
 
 def _vehicle_facts(snapshot: Snapshot, row: VehicleRow, box: Box | None) -> list[Fact]:
     facts = _doubts(row, keyed=bool(snapshot.health.keys))
-    where = position(row.position_state, row.position_age_s)
+    where = position_of(row)
     wide = spread(row.std_m, row.position_age_s)
     known = "" if wide == UNKNOWN else f" ±{wide}"
     facts.append(("position", as_far_as_known(snapshot, where) + known, position_colour(row.position_state)))

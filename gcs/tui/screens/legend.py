@@ -22,7 +22,7 @@ MEANINGS: Final[Mapping[Standing, str]] = MappingProxyType(
         "coasting": "coasting: its box is predicted, not seen in this frame",
         "unidentified": "unknown: it should be in the picture, and no box is it",
         "out of view": "out of view: it reports a place that the picture does not show",
-        "no position": "no position, never heard, refused: no place of it can be used",
+        "no position": "no position, never heard, refused, same place: no place of it can be used",
         "misplaced": "misplaced: its position is not to be relied on, by the video or by its own word",
         "no new frame": "no new frame: the video has shown nothing new for two seconds",
     }

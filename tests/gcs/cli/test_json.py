@@ -139,6 +139,7 @@ def test_a_flight(tmp_path):
         "confidence": None,
         "outcome": "never heard",
         "why": "",
+        "silence_frozen": False,
     }
 
 

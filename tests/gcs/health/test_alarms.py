@@ -250,6 +250,26 @@ def test_bytes_that_are_no_mavlink_are_told_as_such(watch):
     assert alarm.text.endswith("what is received is no MAVLink") and "baud" in alarm.advice
 
 
+@pytest.mark.parametrize(
+    ("index", "junk_per_s", "silent_s", "told"),
+    [
+        (1, 900.0, 3.6, ": its link brings garbled bytes"),
+        (1, 900.0, 0.1, ": its link brings garbled bytes, perhaps its own"),
+        (0, 900.0, 0.0, ""),
+        (1, 3.0, 0.0, ""),
+        (1, math.nan, math.nan, ""),
+        (-1, 900.0, 0.0, ""),
+    ],
+)
+def test_a_silent_vehicle_is_told_with_what_its_link_brings(watch, index, junk_per_s, silent_s, told):
+    brings = {"index": index, "junk_per_s": junk_per_s, "silent_s": silent_s}
+    links = LINK, replace(LINK, name="/dev/ttyUSB0", **brings)
+    silent = changed(1, heartbeat_age_s=9.0, position_state="lost", link=1)
+    alarm = watch.see(1, silent, health=replace(WELL, links=links))["silent 11"]
+    assert alarm.text == f"UGV-11: no heartbeat{told}"
+    assert alarm.text in {event.text for event in watch.events}
+
+
 def test_heartbeats_that_a_bad_link_swallows_are_no_loss_while_positions_come(watch):
     assert watch.see(20, changed(1, heartbeat_age_s=6.0)) == {}
     assert set(watch.see(1, changed(1, heartbeat_age_s=11.0))) == {"silent 11"}
@@ -345,9 +365,9 @@ def test_one_flooding_vehicle_does_not_silence_another():
 def test_rates_of_the_links():
     rates = LinkRates()
     for second in range(90):
-        link = replace(LINK, packets=500 * second)
+        link = replace(LINK, packets=500 * second, junk_bytes=70 * second)
         health = rates.with_rates(START_US + second * 1_000_000, replace(WELL, links=(link,)))
         if second == 0:
             assert math.isnan(health.links[0].packets_per_s)
-    assert health.links[0].packets_per_s == pytest.approx(500.0)
+    assert (health.links[0].packets_per_s, health.links[0].junk_per_s) == pytest.approx((500.0, 70.0))
     assert rates.with_rates(START_US, replace(WELL, links=())) == replace(WELL, links=())

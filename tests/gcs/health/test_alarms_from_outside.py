@@ -210,6 +210,22 @@ def hears_noise(tmp_path, started, sender):
         return judged_health(station.health())
 
 
+def test_a_vehicle_whose_packets_come_garbled_is_told_so(tmp_path, started, sender):
+    ingest, port = started()
+    with Station(tmp_path, ingest=ingest) as station:
+        vehicle = Vehicle(UGV)
+        scene = Scene(vehicle).run(3)
+        vehicle.sends, garbled = "", next(vehicle.frames(T0))[::-1]
+        for second in range(1, 8):
+            for _ in range(5):
+                sender.sendto(garbled, (HOST, port))
+            junk = 5 * second * len(garbled)
+            assert until(lambda junk=junk: station.health().links[0].junk_bytes >= junk)
+            scene.health = station.health()
+            scene.run(1)
+    assert scene.came["silent 11", "alarm"].text == "UGV-11: no heartbeat: its link brings garbled bytes"
+
+
 @raises("link")
 def hears_no_more(tmp_path, started, sender, monkeypatch):
     monkeypatch.setattr("gcs.health.link_alarms.SILENT_S", 0.5)

@@ -36,3 +36,11 @@ CANNOT = "its positions cannot be right"
 def test_refusals_are_told_alike(known, refused, missing):
     row = VehicleRow(system_id=11, name="UGV-11", role="ugv", **known)
     assert (refused_because(row), missing_because(row, math.inf, contradicted=False)) == (refused, missing)
+
+
+@pytest.mark.parametrize(
+    ("frozen", "missing"), [(False, "no position for 12 s"), (True, "its position has stood still for 12 s")]
+)
+def test_a_position_that_stands_still_is_no_missing_one(frozen, missing):
+    row = VehicleRow(system_id=11, name="UGV-11", role="ugv", position_state="lost", frozen=frozen, **HEARD)
+    assert missing_because(row, 12.0, contradicted=False) == missing

@@ -93,6 +93,50 @@ def test_a_silence_lasts_from_the_begin_and_to_the_end():
     assert never.rows()[1].longest_silence_s == pytest.approx(60.0)
 
 
+def test_a_silence_in_which_the_position_stood_still_is_told_as_that():
+    def at(seconds, age_s, *, frozen):
+        state = {"position_age_s": age_s, "position_state": "lost" if age_s > 3.0 else "ok", "frozen": frozen}
+        (now,) = flown(frames=1, seconds=seconds, **POSITIONED | state)
+        return now
+
+    calls = called(
+        [
+            at(0.0, 0.1, frozen=False),
+            at(11.8, 11.8, frozen=True),
+            at(12.0, 12.0, frozen=False),
+            at(13.0, 0.1, frozen=False),
+        ]
+    )
+    row = calls.rows()[1]
+    assert row.silence_frozen and row.remark.endswith("its position stood still for 12.0 s")
+
+
+def test_a_flight_counts_the_silence_of_its_replay_however_late_it_is_shown(monkeypatch):
+    ages_s = [*(0.1 for _ in range(5)), *(k * 1.0 for k in range(1, 13)), 0.1]
+    lates_s = [0.1, 0.9, 0.3, 0.6, 0.0]
+    flight, replay, wall = RollCall(TWO_UGVS), RollCall(TWO_UGVS), []
+    monkeypatch.setattr("time.time_ns", lambda: wall[-1] * 1000)
+    monkeypatch.setattr("time.monotonic_ns", lambda: (wall[-1] + 5_000_000) * 1000)
+    for second, age_s in enumerate(ages_s):
+        (now,) = flown(frames=1, seconds=float(second), **POSITIONED | {"position_age_s": age_s})
+        wall.append(now.t_us + round(lates_s[second % 5] * 1e6))
+        flight.add_in_flight(now)
+        replay.add(now)
+    assert flight.rows()[1].longest_silence_s == replay.rows()[1].longest_silence_s == pytest.approx(12.0)
+    wall.append(now.t_us - 3_600_000_000)
+    flight.add_in_flight(now)
+    assert flight.rows()[1].longest_silence_s < 13.0, "the wall clock was set back meanwhile"
+
+
+def test_a_frame_that_was_taken_before_the_last_moment_makes_no_silence_shorter():
+    calls = RollCall(TWO_UGVS)
+    for second, age_s, late_s in ((0.0, 0.1, 0.0), (1.0, 1.1, 0.0), (0.9, 1.0, 0.4), (12.0, 12.1, 0.0)):
+        (now,) = flown(frames=1, seconds=second, **POSITIONED | {"position_age_s": age_s})
+        latest_us = now.t_us + round(late_s * 1e6)
+        calls.add(replace(now, clock_us=latest_us), latest_us)
+    assert calls.rows()[1].longest_silence_s == pytest.approx(12.0)
+
+
 def test_an_alarm_counts_once_whatever_its_levels_and_comes_again():
     def stale(level, since_us):
         text = f"UGV-3: position {level}"

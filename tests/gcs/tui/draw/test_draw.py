@@ -56,6 +56,7 @@ def test_states_of_a_position_are_words():
     assert position("lost", 12.0) == "lost 12s"
     assert position("never", math.inf) == "never"
     assert position("refused", 3.0) == "refused"
+    assert position("same", 12.0) == "same 12s"
 
 
 def test_times_and_numbers():

@@ -296,6 +296,22 @@ async def test_of_a_provisional_place_no_candidate_was_never_heard(provisional, 
         assert ("may be UGV-15: not heard" in said) is provisional and "no position" in said
 
 
+@pytest.mark.parametrize(
+    ("frozen", "words"), [(False, ("no position", "lost 12s")), (True, ("same place", "same 12s"))]
+)
+async def test_a_position_that_stands_still_is_not_called_lost(frozen, words):
+    gone = {"standing": "no position", "position_state": "lost", "position_age_s": 12.0, "frozen": frozen}
+    rows = tuple(replace(row, **gone) if row.system_id == 14 else row for row in SNAPSHOT.vehicles)
+    async with running(FakeStation(snapshot=replace(SNAPSHOT, vehicles=rows, alarms=())), WIDE) as (app, pilot, _):
+        app._pick(14, 0)
+        await pilot.pause()
+        row = next(line for line in text_of(app.query_one(FleetPane)).splitlines() if "UGV-14" in line)
+        card = text_of(app.query_one(IdentityPane))
+        assert words[0] in row and words[1] in row and words[1] in card
+        other = ("lost 12s", "same 12s")[not frozen]
+        assert other not in row + card
+
+
 async def test_while_nothing_is_picked_the_card_tells_who_is_not_named_and_why():
     silent = Alarm(
         key="s", level="alarm", kind="vehicle", text="UGV-14: no heartbeat", advice="go there", since_us=0, system_id=14

@@ -1,9 +1,15 @@
 """X begins and ends troubles of a simulated fleet; a real one has none."""
 
+from dataclasses import replace
+
 import pytest
 
 from gcs.flight.practice import PractisedFleet
-from tests.support.fake_station import SMALL, WIDE, FakeStation, running, screen_text
+from gcs.snapshot import Alarm
+from gcs.tui.panes.banner import Banner
+from sim.practice import Troubles
+from tests.support.fake_station import SMALL, WIDE, FakeStation, polled, running, screen_text
+from tests.support.ports import free_port
 
 
 async def test_a_trouble_begins_and_ends_with_two_keys_each():
@@ -51,3 +57,33 @@ def test_troubles_of_signing_are_offered_where_signatures_count():
 def test_a_trouble_that_nobody_feels_of_a_ground_vehicle_is_not_offered_for_one():
     fleet = PractisedFleet(9, print, films=(1,))
     assert [("attitude" in dict(fleet.troubles(each))) for each in (1, 11)] == [True, False]
+
+
+def alarm(kind, text):
+    return Alarm(key=text, level="alarm", kind=kind, text=text, advice="", since_us=1)
+
+
+async def test_a_simulated_flight_that_is_over_says_so_and_is_no_alarm():
+    told = []
+    station, port = FakeStation(live=True), free_port()
+    station.practice = fleet = PractisedFleet(port, lambda *words: told.append(words))
+    lost = replace(station.snapshot, alarms=(alarm("vehicle", "UGV-11: no heartbeat"),))
+    station.snapshot = lost
+    fleet.look()
+    async with running(station) as (app, pilot, _):
+        assert "no heartbeat" in screen_text(app) and not fleet.over, "it has not begun"
+        simulator = Troubles([11], port)
+        fleet.look()
+        simulator.listen()
+        await polled(app, pilot)
+        assert "no heartbeat" in screen_text(app) and not fleet.over and not told
+        simulator.close()
+        fleet.look()
+        fleet.look()
+        assert told == [(0, "the simulated flight is over: names and places are of the past")]
+        await polled(app, pilot)
+        shown = app.query_one(Banner).alert
+        assert shown.level == "calm" and shown.text.startswith(told[0][1]) and shown.text in screen_text(app)
+        station.snapshot = replace(lost, alarms=(*lost.alarms, alarm("recording", "the disk is full")))
+        await polled(app, pilot)
+        assert app.query_one(Banner).alert.level == "alarm", "the recording goes on"
