@@ -60,6 +60,8 @@ _COMMON_STD_M, _COMMON_TAU_S, _KNOT_S = 0.5, 30.0, 4.0
 """σ_c, metres, τ_c, and how far apart the knots are between which c is linear, seconds."""
 _BIAS_STDS_M, _TAUS_S = (0.3, 0.5, 0.8, 1.2, 1.7, 2.4, 3.4), (6.0, 12.0, 25.0, 50.0, 100.0)
 """Candidates of σ_b, metres, and τ, seconds."""
+_OUTLYING_M, _OUTLYING_STDS, _MIN_OTHERS = 4.0, 6.0, 2
+"""A chain is outlying from this many metres and σ_b of at least this many others on."""
 _USUAL_BIAS_M, _BIAS_SPREAD, _USUAL_TAU_S = 1.5, 0.8, 40.0
 """Log-normal priors: median and 1σ of the logarithm of σ_b; median of τ, whose logarithm has 1σ of 1."""
 
@@ -380,6 +382,38 @@ def learn_errors(residuals: Residuals, pose: CommonPose, owner: IntArray) -> Err
         return total
 
     return max((Errors(std, tau) for std in _BIAS_STDS_M for tau in _TAUS_S), key=log_likelihood)
+
+
+def outlying(residuals: Residuals, prior: PosePrior, pose: CommonPose, errors: Errors, owner: IntArray) -> list[int]:
+    """Vehicles whose positions would be far more wrong than all others': a stranger that drives alike may be theirs.
+
+    The pose and σ_b that a chain is held against are those of the other chains alone, since it shifts both.
+
+    Args:
+        residuals: Of all pairs, linearised nearby.
+        prior: Of θ.
+        pose: The camera's by all chains, and what is common.
+        errors: Of the vehicles' positions by all chains.
+        owner: (S,) vehicle of each segment, −1 none: the chains.
+    """
+    found = list[int]()
+    for vehicle, rows, of in residuals.chains(owner):
+        others = np.where(owner == vehicle, -1, owner)
+        few = sum(1 for _ in residuals.chains(others)) < _MIN_OTHERS
+        if few or _mean_m(residuals, pose, vehicle, rows, of) < 0.5 * _OUTLYING_M:
+            continue
+        alone = learn_errors(residuals, fit_pose(residuals, prior, errors, others), others)
+        refit = fit_pose(residuals, prior, alone, others)
+        alone = learn_errors(residuals, refit, others)
+        far_m = max(_OUTLYING_M, _OUTLYING_STDS * alone.bias_std)
+        if _mean_m(residuals, refit, vehicle, rows, of) > far_m:
+            found.append(vehicle)
+    return found
+
+
+def _mean_m(residuals: Residuals, pose: CommonPose, vehicle: int, rows: IntArray, of: IntArray) -> float:
+    """Length of the mean residual of a chain's blocks (a,) and their segments (a,), metres."""
+    return float(np.linalg.norm(np.mean(residuals.at(pose.theta, pose.common)[rows, of, vehicle], axis=0)))
 
 
 def _shared(of: IntArray, std_m: float) -> FloatArray:

@@ -17,12 +17,14 @@ from scipy.special import expit
 
 from assoc.geometry.ground import THETA, ground_tracks
 from assoc.hypotheses.place_alone import limit_by_place
+from assoc.hypotheses.pose import PosePrior
 from assoc.hypotheses.priors import prior_of
 from assoc.params import IdentifierParams
 from assoc.whole_flight.chains import (
     CommonPose,
     fit_pose,
     learn_errors,
+    outlying,
     pair_scores,
     with_whole_chains,
     without_outliers,
@@ -147,6 +149,9 @@ def segment_names(segments: Segments, q: IdentifierParams, owner: IntArray) -> S
     p[:, :-1] *= expit(best.together) / expit(rival)
     p[:, -1] = 1.0 - np.sum(p[:, :-1], axis=1)
     p = without_doubles(p, best.score, best.owner, segments)
+    for vehicle in outlying(best.residuals, _prior(segments, q, best.pose.theta), best.pose, best.errors, best.owner):
+        for segment in np.flatnonzero(best.owner == vehicle).tolist():
+            p[segment] = halved(p[segment], vehicle, -1)
     p = limit_by_place(p, best.together, _distances(segments, best.pose.theta), best.errors.bias_std)
     p[~np.any(best.reported, axis=(0, 2))] = np.nan
     # for none of ours any report counts
@@ -194,7 +199,7 @@ def _span(blocks: BoolArray) -> IntArray:
 
 def _named(segments: Segments, q: IdentifierParams, owner: IntArray, theta: FloatArray) -> _Named:
     """Names, pose and errors found together from a starting pose (9,)."""
-    prior = prior_of(q, segments.camera, q.time_offset_std_s, segments.history.speed_mps).part_at(theta)
+    prior = _prior(segments, q, theta)
     errors = Errors(q.bias_m, q.bias_tau_s)
     residuals = residuals_at(segments, q, theta, errors)
     tried = {owner.tobytes()}
@@ -227,6 +232,11 @@ def _named(segments: Segments, q: IdentifierParams, owner: IntArray, theta: Floa
         first_s=residuals.blocks.first * q.block_s,
         worth=float(np.sum(_worth(score, owner))) - pose.cost,
     )
+
+
+def _prior(segments: Segments, q: IdentifierParams, theta: FloatArray) -> PosePrior:
+    """Part of the prior of a pose (9,) that it is in."""
+    return prior_of(q, segments.camera, q.time_offset_std_s, segments.history.speed_mps).part_at(theta)
 
 
 def _best_change(before: IntArray, after: IntArray, score: FloatArray, apart: BoolArray) -> IntArray:

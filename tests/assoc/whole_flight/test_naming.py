@@ -164,6 +164,17 @@ def test_a_box_in_which_another_vehicle_is_for_long_has_no_sure_name(apart_m, wi
     assert of(3, 5.0)[2] > 0.95, "the others are as sure as ever"
 
 
+@pytest.mark.parametrize(("off_m", "sure"), [(5.0, False), (2.5, True)])
+def test_a_track_far_off_where_all_others_are_right_may_be_a_stranger_that_drives_alike(off_m, sure):
+    fleet = Fleet(4, seed=1, bias_m=0.1)
+    fleet.bias[3] = [off_m, 0.0]
+    segments, p = probabilities(flown(fleet))
+    row = p[segments.of[T0_US + 5_000_000, 4]]
+    assert int(np.argmax(row[:-1])) == 3
+    assert (row[3] > 0.9) == sure and (sure or row[-1] > 0.4)
+    assert [named(segments, p, 5.0, track) for track in (1, 2, 3)] == [0, 1, 2]
+
+
 def test_tracks_that_were_exchanged_before_anybody_was_named_have_two_names_each():
     def exchanged(t, m):
         return np.arange(1, m + 1) if t < 10.0 else np.array([2, 1, *range(3, m + 1)])
