@@ -13,7 +13,10 @@ FADES, LASTS = FADES_US // STEP_US, BACK_US // STEP_US
 """Frames until it is told that a name is gone, and that it is back."""
 MISSION = Mission(uav=MissionVehicle(system_id=1), ugv=tuple(MissionVehicle(system_id=i) for i in (11, 12)))
 STATE = SimpleNamespace(
-    vehicles=[SimpleNamespace(system_id=i, contested=False, position_state="ok", refused_for="") for i in (1, 11, 12)]
+    vehicles=[
+        SimpleNamespace(system_id=i, contested=False, position_state="ok", refused_for="", frozen=False)
+        for i in (1, 11, 12)
+    ]
 )
 SIZE = 640, 480
 
