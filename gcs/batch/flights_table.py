@@ -59,6 +59,7 @@ _CALL = {
     "outcome": "string",
     "why": "string",
     "longest_silence_s": "double",
+    "silence_frozen": "bool",
 }
 
 

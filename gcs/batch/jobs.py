@@ -86,6 +86,8 @@ class VehicleCall(msgspec.Struct, frozen=True, kw_only=True):
     """Outcome, in the roll call's words; empty in results of earlier versions."""
     why: str = ""
     longest_silence_s: float | None = None
+    silence_frozen: bool = False
+    """True if one position came over and over in that time."""
 
 
 class ScoreRecord(msgspec.Struct, frozen=True, kw_only=True):
