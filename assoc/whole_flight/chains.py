@@ -396,12 +396,12 @@ def outlying(residuals: Residuals, prior: PosePrior, pose: CommonPose, errors: E
         errors: Of the vehicles' positions by all chains.
         owner: (S,) vehicle of each segment, −1 none: the chains.
     """
-    found = list[int]()
-    for vehicle, rows, of in residuals.chains(owner):
-        others = np.where(owner == vehicle, -1, owner)
-        few = sum(1 for _ in residuals.chains(others)) < _MIN_OTHERS
-        if few or _mean_m(residuals, pose, vehicle, rows, of) < 0.5 * _OUTLYING_M:
+    found, chains = list[int](), list(residuals.chains(owner))
+    for vehicle, rows, of in chains if len(chains) > _MIN_OTHERS else []:
+        # the pose gives way by a part of what a chain is off
+        if _mean_m(residuals, pose, vehicle, rows, of) < 0.5 * _OUTLYING_M:
             continue
+        others = np.where(owner == vehicle, -1, owner)
         alone = learn_errors(residuals, fit_pose(residuals, prior, errors, others), others)
         refit = fit_pose(residuals, prior, alone, others)
         alone = learn_errors(residuals, refit, others)

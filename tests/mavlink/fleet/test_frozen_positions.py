@@ -11,7 +11,7 @@ STEP_US, MOVING, HANGS_S = S // 4, 2.0, 5.0
 
 
 def states(report_of, *, seconds=12.0, fills=2, second_us=0):
-    """What is said of a vehicle four times a second, once it has reported for a while.
+    """State of a vehicle's position, and whether it is frozen, four times a second.
 
     Args:
         report_of: by time, s: north, m, its speed, and the time that the report is of; None: none comes.
