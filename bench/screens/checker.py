@@ -189,6 +189,7 @@ WORDS = frozenset(
         *(
             "stale",
             "lost",
+            "same",
             "never",
             "refused",
             "contested",

@@ -25,7 +25,10 @@ IN_VIEW_FRAMES, IN_VIEW_SHARE = 4, 0.1
 UNUSED = ("frozen", "zero", "jump", "drift", "spoof", "copy")
 POSITION_S, KNOWN_M = 1.0, 100.0
 """By which a silence may differ that is looked at frame by frame; a 1σ that is more than any report's."""
-SILENCES = re.compile(r"(?:(?:; )?(?:no position for [\d.]+ s|not known whether in view in \d+ frames))+$")
+STOOD = "stood still"
+SILENCES = re.compile(
+    rf"(?:(?:; )?(?:(?:no position|its position {STOOD}) for [\d.]+ s|not known whether in view in \d+ frames))+$"
+)
 REMARKS = {
     "": "named",
     "never where the camera looked": "outside",
@@ -89,6 +92,8 @@ def _blind_frames(flown: TrueFlight, system_id: int) -> int:
 def _remark(flown: TrueFlight, system_id: int, remark: str, boxes: int, seen: int) -> Iterator[str]:
     heard = math.isfinite(flown.silent_s(system_id, flown.moments[-1].now_us))
     outcome = re.sub(SILENCES, "", remark).partition(":")[0]
+    if STOOD in remark and not _has_fault(flown, system_id, "frozen"):
+        yield "no report of it was frozen"
     told, refused = REMARKS.get(outcome), flown.refused.get(system_id, 0)
     if told is None:
         yield "a remark that is not known"
@@ -133,17 +138,23 @@ def check_report(flown: TrueFlight, page: str, claims: Sequence[Claim]) -> Found
             yield _said(flown, "report", f"{flown.name(i)}: {what}: {facts.get(what)}", i), why
 
 
+def _has_fault(flown: TrueFlight, system_id: int, *kinds: str) -> bool:
+    faults = (fault for fault in flown.script.faults if fault.kind in kinds)
+    return any(flown.scenario.ugv_ids[fault.vehicle] == system_id for fault in faults)
+
+
 def _facts(flown: TrueFlight, system_id: int, facts: Row) -> Iterator[tuple[str, str]]:
     stop_us = flown.moments[-1].now_us
     times = [t_us for t_us in flown.positions.get(system_id, ()) if t_us <= stop_us]
     heard = (*flown.heartbeats.values(), *flown.positions.values())
     start_us = min(flown.moments[0].now_us, *(times_us[0] for times_us in heard if times_us))
     true_s = max(after - before for before, after in pairwise([start_us, *times, stop_us])) / S
-    match = re.fullmatch(r"([\d.]+) s", facts.get(silence := "longest without a position", ""))
+    told = facts.get(silence := "longest without a position", "")
+    match = re.fullmatch(rf"([\d.]+) s(?:, while it {STOOD})?", told)
+    if STOOD in told and not _has_fault(flown, system_id, "frozen"):
+        yield silence, "no report of it was frozen"
     # a position that is refused is none, whenever it came
-    faulty = any(
-        flown.scenario.ugv_ids[fault.vehicle] == system_id for fault in flown.script.faults if fault.kind in UNUSED
-    )
+    faulty = _has_fault(flown, system_id, *UNUSED)
     if match is None or (not faulty and abs(float(match[1]) - true_s) > POSITION_S):
         yield silence, f"it was {true_s:.1f} s"
     most = re.search(r"most ([\d.]+) m", facts.get(spread := "1σ of its position", ""))
