@@ -69,7 +69,7 @@ class SegmentNames:
     until_s: FloatArray
     """(S,) from when to when each is the likeliest one, seconds from the first frame."""
     also: IntArray
-    """(B, S) vehicle that is in a segment's box, too, or alone, −1 nobody."""
+    """(B, S) vehicle that is in a segment's box, too, or alone, n a stranger, −1 nobody."""
     first_s: float
     """Time at which the first block begins, seconds from the first frame."""
     block_s: float
@@ -92,7 +92,7 @@ class SegmentNames:
         return self.p[segment] if known else None
 
     def with_another(self, p: FloatArray, t_us: int, track: int) -> FloatArray:
-        """(n + 1,) probabilities of a box where another vehicle is in it, too, or alone; else the same.
+        """(n + 1,) probabilities of a box where another object is in it, too, or alone; else the same.
 
         Args:
             p: (n + 1,) of it otherwise.
@@ -149,9 +149,6 @@ def segment_names(segments: Segments, q: IdentifierParams, owner: IntArray) -> S
     p[:, :-1] *= expit(best.together) / expit(rival)
     p[:, -1] = 1.0 - np.sum(p[:, :-1], axis=1)
     p = without_doubles(p, best.score, best.owner, segments)
-    for vehicle in outlying(best.residuals, _prior(segments, q, best.pose.theta), best.pose, best.errors, best.owner):
-        for segment in np.flatnonzero(best.owner == vehicle).tolist():
-            p[segment] = halved(p[segment], vehicle, -1)
     p = limit_by_place(p, best.together, _distances(segments, best.pose.theta), best.errors.bias_std)
     p[~np.any(best.reported, axis=(0, 2))] = np.nan
     # for none of ours any report counts
@@ -163,12 +160,15 @@ def segment_names(segments: Segments, q: IdentifierParams, owner: IntArray) -> S
     # beyond where it was compared a name holds for a while, unless the segment is aside there
     beyond = np.where(compared == reported, _ALONE_S, 0.0)
     since_s, until_s = best.first_s + q.block_s * compared + [[-1.0], [1.0]] * beyond
+    also = boxes_of_two(segments, best.residuals, best.pose, best.errors, best.owner, q.block_s)
+    far = outlying(best.residuals, _prior(segments, q, best.pose.theta), best.pose, best.errors, best.owner)
+    also[:, np.isin(best.owner, far)] = segments.log.n_vehicles
     return SegmentNames(
         segments=segments,
         p=p,
         since_s=since_s,
         until_s=until_s,
-        also=boxes_of_two(segments, best.residuals, best.pose, best.errors, best.owner, q.block_s),
+        also=also,
         first_s=best.first_s,
         block_s=q.block_s,
     )

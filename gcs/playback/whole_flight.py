@@ -3,8 +3,8 @@
 ``assoc.whole_flight`` finds the names, the camera's pose and the errors of the vehicles' positions together. What it
 gives counts 0.8, and 0.2 what is known of each track by itself (``gcs.playback.hindsight``): an answer is sure where
 both are. Where the whole flight is sure of the name that is the track's likeliest, it counts 0.95. A stretch in which
-it expects fewer right names than are known already is left as it is: there the errors are of another kind than it
-knows, as where a camera shakes. So is one that film and telemetry do not fit in.
+it expects fewer right names than are known already keeps those: there the errors are of another kind than it knows, as
+where a camera shakes. One that film and telemetry do not fit in is left as it is.
 """
 
 from __future__ import annotations
@@ -132,19 +132,24 @@ def _owners(segments: Segments, names: dict[tuple[int, int], int], every: list[K
 
 
 def _chosen(named: list[KnownFrame], found: SegmentNames, threshold: float) -> list[KnownFrame]:
-    """The snapshots by the whole flight, or as they are where they expect more right names."""
-    whole, gained, had = list[KnownFrame](), 0.0, 0.0
+    """The snapshots by the whole flight, or by each track where that expects more right names.
+
+    Either way a name counts half where another vehicle, or a stranger, may be in its box.
+    """
+    whole, alone = list[KnownFrame](), list[KnownFrame]()
+    gained, had = 0.0, 0.0
     for known in named:
-        pooled = dict(known.p)
+        own = {track: found.with_another(p, known.at_us, track) for track, p in known.p.items()}
+        pooled = dict(own)
         for track, before in known.p.items():
             p = found.at(known.at_us, track)
             if p is not None:
-                pooled[track] = _pooled(p, before)
+                pooled[track] = found.with_another(_pooled(p, before), known.at_us, track)
                 gained += _named_share(pooled[track], threshold)
-                had += _named_share(before, threshold)
-                pooled[track] = found.with_another(pooled[track], known.at_us, track)
+                had += _named_share(own[track], threshold)
         whole.append(replace(known, p=pooled))
-    return whole if gained > _MIN_GAIN * had else named
+        alone.append(replace(known, p=own))
+    return whole if gained > _MIN_GAIN * had else alone
 
 
 def _named_share(p: FloatArray, threshold: float) -> float:

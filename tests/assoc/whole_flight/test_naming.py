@@ -168,11 +168,13 @@ def test_a_box_in_which_another_vehicle_is_for_long_has_no_sure_name(apart_m, wi
 def test_a_track_far_off_where_all_others_are_right_may_be_a_stranger_that_drives_alike(off_m, sure):
     fleet = Fleet(4, seed=1, bias_m=0.1)
     fleet.bias[3] = [off_m, 0.0]
-    segments, p = probabilities(flown(fleet))
-    row = p[segments.of[T0_US + 5_000_000, 4]]
-    assert int(np.argmax(row[:-1])) == 3
-    assert (row[3] > 0.9) == sure and (sure or row[-1] > 0.4)
-    assert [named(segments, p, 5.0, track) for track in (1, 2, 3)] == [0, 1, 2]
+    evidence = flown(fleet)
+    segments = evidence.segments(T0_US, T0_US + round(1e6 * SECONDS), lambda at_us, track: -1)
+    names = segment_names(segments, evidence.params, np.full(segments.seen.shape[1], -1))
+    t_us = T0_US + 5_000_000
+    told = [names.with_another(names.at(t_us, track), t_us, track) for track in (1, 2, 3, 4)]
+    assert (told[3][3] > 0.9) == sure and (sure or told[3][-1] > 0.4)
+    assert np.diagonal(told[:3]).min() > 0.9, "the others are as sure as ever"
 
 
 def test_tracks_that_were_exchanged_before_anybody_was_named_have_two_names_each():

@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from assoc.whole_flight.naming import segment_names
 from gcs.playback.analysis import Analysis
 from gcs.playback.hindsight import by_hindsight
 from gcs.report.score import match, score
@@ -131,6 +132,29 @@ def test_names_stay_where_the_arithmetic_fails(flown, monkeypatch):
     monkeypatch.setattr("gcs.playback.whole_flight.segment_names", fails)
     alone, whole = by_hindsight(snapshots, mission), by_hindsight(snapshots, mission, evidence)
     assert [s.boxes for s in alone] == [s.boxes for s in whole]
+
+
+@pytest.mark.parametrize("gives_names", [True, False])
+def test_a_box_that_may_be_a_strangers_has_no_sure_name_in_any_stretch(flown, monkeypatch, gives_names):
+    """Also in a stretch in which the whole gives fewer names than the tracks by themselves."""
+    snapshots, mission, evidence = flown
+    n = len(mission.ugv_ids)
+
+    def doubtful(*args):
+        names = segment_names(*args)
+        return replace(
+            names, also=np.full_like(names.also, n), p=names.p if gives_names else np.full_like(names.p, np.nan)
+        )
+
+    def seen_and_named():
+        boxes = (box for s in by_hindsight(snapshots, mission, evidence) for box in s.boxes)
+        return [box for box in boxes if box.system_id and not box.coasting]
+
+    sure = seen_and_named()
+    monkeypatch.setattr("gcs.playback.whole_flight.segment_names", doubtful)
+    halved = seen_and_named()
+    assert sure
+    assert not halved
 
 
 def test_what_the_operator_stated_stays(flown):
