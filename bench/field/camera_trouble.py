@@ -100,17 +100,8 @@ def _shaken(label: str, k: int, wobble_deg: float, rng: np.random.Generator) -> 
     )
 
 
-def wrong_camera(k: int, rng: np.random.Generator) -> Scenario:
-    """The mission says a little that is not so."""
-    return _misdeclared(WRONG_CAMERAS[k], k, rng)
-
-
-def wrong_camera_hard(k: int, rng: np.random.Generator) -> Scenario:
-    """The mission says something else altogether."""
-    return _misdeclared(WRONG_CAMERAS_HARD[k], k, rng)
-
-
-def _misdeclared(label: str, k: int, rng: np.random.Generator) -> Scenario:
+def wrong_camera(label: str, k: int, rng: np.random.Generator) -> Scenario:
+    """The mission says a little that is not so; hard: something else altogether."""
     wrong: dict[str, float | bool] = {}
     camera: dict[str, bool] = {}
     view = "nadir"
@@ -140,27 +131,11 @@ def _misdeclared(label: str, k: int, rng: np.random.Generator) -> Scenario:
     )
 
 
-def hill(k: int, rng: np.random.Generator) -> Scenario:
-    """Taken off 10-20 m above or below the vehicles, a gentle slope, low waves."""
-    return _uneven(HILLS[k], k, rng)
+def altitudes(label: str, k: int, rng: np.random.Generator) -> Scenario:
+    """Vehicles count their altitudes from another level than the UAV, or what they report contradicts itself.
 
-
-def hill_hard(k: int, rng: np.random.Generator) -> Scenario:
-    """Taken off 20-30 m above or below them, a steep slope, high waves."""
-    return _uneven(HILLS_HARD[k], k, rng)
-
-
-def altitudes(k: int, rng: np.random.Generator) -> Scenario:
-    """Vehicles count their altitudes from another level than the UAV, or what they report contradicts itself."""
-    return _levels(ALTITUDES[k], k, rng)
-
-
-def altitudes_hard(k: int, rng: np.random.Generator) -> Scenario:
-    """The same where the UAV took off on a hill or in a hollow: no source but the film tells the height."""
-    return _levels(ALTITUDES_HARD[k], k, rng)
-
-
-def _levels(label: str, k: int, rng: np.random.Generator) -> Scenario:
+    Hard: the UAV took off on a hill or in a hollow, and no source but the film tells the height.
+    """
     first, *rest = label.split(", ")
     view = next((part for part in rest if part.endswith("°")), "nadir")
     above = next((float(part) for part in rest if not part.endswith("°")), 0.0)
@@ -179,8 +154,11 @@ def _levels(label: str, k: int, rng: np.random.Generator) -> Scenario:
     )
 
 
-def _uneven(label: str, k: int, rng: np.random.Generator) -> Scenario:
-    """Vehicles report altitudes as receivers do: off by metres, much of it in common with the UAV's."""
+def hill(label: str, k: int, rng: np.random.Generator) -> Scenario:
+    """Taken off 10-20 m above or below the vehicles, hard 20-30 m, a slope, waves.
+
+    Vehicles report altitudes as receivers do: off by metres, much of it in common with the UAV's.
+    """
     first, *rest = label.split(", ")
     ground: dict[str, Any] = {"area_m": (36.0, 20.0)}
     above = 0.0
@@ -219,17 +197,8 @@ def unknown_hard(k: int, rng: np.random.Generator) -> Scenario:
     return _undescribed(UNKNOWN_HARD[k], k, rng, errors=1.5)
 
 
-def zoom(k: int, rng: np.random.Generator) -> Scenario:
-    """A camera that zooms at once and back again, which nothing reports."""
-    return _zooming(ZOOM[k], k, rng)
-
-
-def zoom_hard(k: int, rng: np.random.Generator) -> Scenario:
-    """The same by more, twice, or seen from aside."""
-    return _zooming(ZOOM_HARD[k], k, rng)
-
-
-def _zooming(label: str, k: int, rng: np.random.Generator) -> Scenario:
+def zoom(label: str, k: int, rng: np.random.Generator) -> Scenario:
+    """A camera that zooms at once and back again, which nothing reports; hard: by more, twice, or seen from aside."""
     steps, *rest = label.split(", ")
     factors = [float(step) for step in steps.split(" then ")]
     at_s = np.cumsum(rng.uniform(6.0, 9.0, len(factors))).tolist()

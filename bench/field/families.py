@@ -106,6 +106,15 @@ _CROWDS = tuple(f"{n} {('straight', 'curved')[k % 2]}" for k, n in enumerate(ord
 _CLOSE = tuple(label for label, _, _ in ordinary.CLOSE)
 _COLUMNS = ("column 8 m", "column 9 m", "column 10 m")
 
+
+def _labelled(
+    make: Callable[[str, int, np.random.Generator], Scenario], labels: Labels, labels_hard: Labels
+) -> tuple[Make, Labels, Make, Labels]:
+    """Both versions of a family of which the label of a kind tells all."""
+    standard, hard = (lambda k, rng, words=words: make(words[k], k, rng) for words in (labels, labels_hard))
+    return standard, labels, hard, labels_hard
+
+
 _ALL: tuple[tuple[str, Make, Labels, Make, Labels], ...] = (
     ("nominal", ordinary.nominal, ordinary.GROUNDS, ordinary.nominal_hard, _THREE),
     ("paper-noise", ordinary.paper_noise, ordinary.VIEWS, ordinary.paper_noise_hard, ordinary.DENSE),
@@ -125,19 +134,19 @@ _ALL: tuple[tuple[str, Make, Labels, Make, Labels], ...] = (
     ("shaking", camera.shaking, camera.SHAKING, camera.shaking_hard, camera.SHAKING_HARD),
     ("spoofers", other.spoofers, other.SPOOFERS, other.spoofers_hard, other.SPOOFERS_HARD),
     ("unrelated film", other.unrelated, other.FILMS, other.unrelated_hard, other.FILMS_HARD),
-    ("wrong camera", camera.wrong_camera, camera.WRONG_CAMERAS, camera.wrong_camera_hard, camera.WRONG_CAMERAS_HARD),
-    ("hill", camera.hill, camera.HILLS, camera.hill_hard, camera.HILLS_HARD),
+    ("wrong camera", *_labelled(camera.wrong_camera, camera.WRONG_CAMERAS, camera.WRONG_CAMERAS_HARD)),
+    ("hill", *_labelled(camera.hill, camera.HILLS, camera.HILLS_HARD)),
     ("other errors", other.other_errors, other.OTHER_ERRORS, other.other_errors_hard, other.OTHER_ERRORS_HARD),
     ("smooth reports", other.smooth, other.SMOOTH, other.smooth_hard, other.SMOOTH_HARD),
-    ("altitudes", camera.altitudes, camera.ALTITUDES, camera.altitudes_hard, camera.ALTITUDES_HARD),
-    ("messy", messy.messy, messy.MESSY, messy.messy_hard, messy.MESSY_HARD),
+    ("altitudes", *_labelled(camera.altitudes, camera.ALTITUDES, camera.ALTITUDES_HARD)),
+    ("messy", *_labelled(messy.messy, messy.MESSY, messy.MESSY_HARD)),
     ("crowded", messy.crowded, messy.CROWDED, messy.crowded_hard, messy.CROWDED_HARD),
-    ("late", messy.late, messy.LATE, messy.late_hard, messy.LATE_HARD),
-    ("missing", messy.missing, messy.MISSING, messy.missing_hard, messy.MISSING_HARD),
+    ("late", *_labelled(messy.late, messy.LATE, messy.LATE_HARD)),
+    ("missing", *_labelled(messy.missing, messy.MISSING, messy.MISSING_HARD)),
     ("unknown camera", camera.unknown, camera.UNKNOWN, camera.unknown_hard, camera.UNKNOWN_HARD),
-    ("two boxes", messy.two_boxes, messy.TWO_BOXES, messy.two_boxes_hard, messy.TWO_BOXES_HARD),
-    ("bays", messy.bays, messy.BAYS, messy.bays_hard, messy.BAYS_HARD),
-    ("zoom", camera.zoom, camera.ZOOM, camera.zoom_hard, camera.ZOOM_HARD),
+    ("two boxes", *_labelled(messy.two_boxes, messy.TWO_BOXES, messy.TWO_BOXES_HARD)),
+    ("bays", *_labelled(messy.bays, messy.BAYS, messy.BAYS_HARD)),
+    ("zoom", *_labelled(camera.zoom, camera.ZOOM, camera.ZOOM_HARD)),
 )
 """Name, and how the standard and the hard version are made, with what their kinds are called; the n-th is family n."""
 

@@ -34,20 +34,12 @@ MISSING = ("silent", "frozen", "jump", "lag")
 MISSING_HARD = ("silent, silent", "silent, jump", "frozen, drift", "silent from the start")
 
 
-def messy(k: int, rng: np.random.Generator) -> Scenario:
-    """Seven of ten are ours, and every error is there at an ordinary size."""
-    return _messy(road(k), MESSY[k], 3, rng)
+def messy(label: str, k: int, rng: np.random.Generator) -> Scenario:
+    """Seven of ten are ours, and every error is there at an ordinary size.
 
-
-def messy_hard(k: int, rng: np.random.Generator) -> Scenario:
-    """The same among 18 strangers on four lanes, or seen from far aside."""
-    label = MESSY_HARD[k]
-    if "lanes" in label:
-        return _messy(_lanes(vehicles=6), label, 18, rng)
-    return _messy(road(k), label, 3, rng)
-
-
-def _messy(ground: ScenarioGround, label: str, strangers: int, rng: np.random.Generator) -> Scenario:
+    Hard: among 18 strangers on four lanes, or seen from far aside.
+    """
+    ground, strangers = (_lanes(vehicles=6), 18) if "lanes" in label else (road(k), 3)
     pitch_deg = float(label.split()[-1].rstrip("°")) if "°" in label else -90.0
     return session(
         ground=ground,
@@ -85,17 +77,8 @@ def _crowded(label: str, strangers: int, rng: np.random.Generator) -> Scenario:
     )
 
 
-def late(k: int, rng: np.random.Generator) -> Scenario:
-    """Something is older than it says: each vehicle's reports, the UAV's position, or the film."""
-    return _late(LATE[k], k, rng)
-
-
-def late_hard(k: int, rng: np.random.Generator) -> Scenario:
-    """The same by more, and together."""
-    return _late(LATE_HARD[k], k, rng)
-
-
-def _late(label: str, k: int, rng: np.random.Generator) -> Scenario:
+def late(label: str, k: int, rng: np.random.Generator) -> Scenario:
+    """Something is older than it says: each vehicle's reports, the UAV's position or the film; hard: more, together."""
     size = {part.split()[0]: float(part.split()[-2]) for part in label.split(", ")}
     ground = road(k % 2)
     uav_lag_s = size.get("UAV", 0.0)
@@ -113,17 +96,11 @@ def _late(label: str, k: int, rng: np.random.Generator) -> Scenario:
     )
 
 
-def two_boxes(k: int, rng: np.random.Generator) -> Scenario:
-    """Long vehicles that are found as front and rear for seconds at a time."""
-    return _two_boxes(k, TWO_BOXES[k], rng)
+def two_boxes(label: str, k: int, rng: np.random.Generator) -> Scenario:
+    """Long vehicles that are found as front and rear for seconds at a time.
 
-
-def two_boxes_hard(k: int, rng: np.random.Generator) -> Scenario:
-    """The same for more of the time, or with slow errors, seen from aside."""
-    return _two_boxes(k, TWO_BOXES_HARD[k], rng)
-
-
-def _two_boxes(k: int, label: str, rng: np.random.Generator) -> Scenario:
+    Hard: for more of the time, or with slow errors, seen from aside.
+    """
     length, *rest = label.split(", ")
     length_m = float(length.split()[0])
     return session(
@@ -136,17 +113,11 @@ def _two_boxes(k: int, label: str, rng: np.random.Generator) -> Scenario:
     )
 
 
-def bays(k: int, rng: np.random.Generator) -> Scenario:
-    """Vehicles that stand side by side in bays for the whole flight."""
-    return _bays(BAYS[k], rng)
+def bays(label: str, k: int, rng: np.random.Generator) -> Scenario:
+    """Vehicles that stand side by side in bays for the whole flight.
 
-
-def bays_hard(k: int, rng: np.random.Generator) -> Scenario:
-    """The same closer together, among others, or with one that no frame shows."""
-    return _bays(BAYS_HARD[k], rng)
-
-
-def _bays(label: str, rng: np.random.Generator) -> Scenario:
+    Hard: closer together, among others, or with one that no frame shows.
+    """
     apart, *rest = label.split(", ")
     strangers = {"two strangers": 2, "six strangers": 6}.get(rest[0], 0) if rest else 0
     return session(
@@ -160,17 +131,11 @@ def _bays(label: str, rng: np.random.Generator) -> Scenario:
     )
 
 
-def missing(k: int, rng: np.random.Generator) -> Scenario:
-    """The reports of one vehicle stop, stand still, are 15 m beside it or 3 s late, and strangers drive by."""
-    return _missing(k, MISSING[k], rng)
+def missing(label: str, k: int, rng: np.random.Generator) -> Scenario:
+    """The reports of one vehicle stop, stand still, are 15 m beside it or 3 s late, and strangers drive by.
 
-
-def missing_hard(k: int, rng: np.random.Generator) -> Scenario:
-    """Those of two, in two ways, or of one that was never heard."""
-    return _missing(k, MISSING_HARD[k], rng)
-
-
-def _missing(k: int, label: str, rng: np.random.Generator) -> Scenario:
+    Hard: those of two, in two ways, or of one that was never heard.
+    """
     start_s = FROM_THE_START_S if "from the start" in label else float(rng.uniform(6.0, 12.0))
     kinds = [part.split()[0] for part in label.split(", ")]
     faults = tuple(
