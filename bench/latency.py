@@ -21,7 +21,7 @@ from unittest.mock import patch
 import numpy as np
 
 from assoc.identification.identifier import Identifier
-from bench.command_line import parser_of, print_results
+from bench.command_line import parser_of
 from bench.rows import write
 from bench.workers import one_threaded
 from gcs.playback.analysis import Analysis
@@ -170,7 +170,7 @@ def main() -> None:
     write(options.out / "latency.csv", PartTiming, timings)
     text = text_of(timings)
     (options.out / "latency.md").write_text(text, encoding="utf-8")
-    print_results(text, options.out / "latency.csv", as_json=options.json)
+    print(text)
 
 
 if __name__ == "__main__":

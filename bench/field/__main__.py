@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
-from bench.command_line import count, parser_of, print_results
+import time
+
+from bench.command_line import count, parser_of
 from bench.field.families import FAMILIES
-from bench.field.suite import run
+from bench.field.suite import play_all, tasks_of
+from bench.field.tables import report, write_reliability, write_sessions
 from bench.workers import WORKERS
 from gcs.cli.output.console import print_note
 from gcs.cli.output.progress import progress
 
 
 def main() -> None:
+    """Play the suite; write ``field.md``, ``sessions.csv`` and ``reliability.csv`` into a folder."""
     parser = parser_of("field", "Simulated flights by kind of trouble", "one short session of each family and version")
     parser.add_argument("--seeds", choices=("tune", "report"), default="report")
     parser.add_argument("--family", type=int, action="append", default=[], choices=tuple(FAMILIES), help="repeatable")
@@ -19,18 +23,18 @@ def main() -> None:
     parser.add_argument("--workers", type=count, default=WORKERS)
     options = parser.parse_args()
     versions = [hard for hard, asked in ((False, options.standard), (True, options.hard)) if asked] or [False, True]
-    with progress("field") as report:
-        text = run(
-            options.out,
-            options.quick,
-            split=options.seeds,
-            families=options.family,
-            versions=versions,
-            workers=options.workers,
-            print_note=print_note,
-            report=report,
-        )
-    print_results(text, options.out / "sessions.csv", as_json=options.json)
+    tasks = tasks_of(split=options.seeds, quick=options.quick, families=options.family, versions=versions)
+    began = time.monotonic()
+    with progress("field") as show:
+        outcomes = play_all(tasks, options.workers, show)
+    title = f"{'quick look, ' if options.quick else ''}{'reporting' if options.seeds == 'report' else 'tuning'} seeds"
+    text = report(outcomes, title)
+    options.out.mkdir(parents=True, exist_ok=True)
+    (options.out / "field.md").write_text(text, encoding="utf-8")
+    write_sessions(outcomes, options.out / "sessions.csv")
+    write_reliability(outcomes, options.out / "reliability.csv")
+    print_note(f"{len(outcomes)} sessions in {time.monotonic() - began:.0f} s; wrote {options.out}")
+    print(text)
 
 
 if __name__ == "__main__":

@@ -1,9 +1,8 @@
-"""Runs sessions of the families in worker processes and writes the tables."""
+"""Sessions of the families, played in worker processes."""
 
 from __future__ import annotations
 
 import tempfile
-import time
 from collections.abc import Callable, Sequence
 from concurrent.futures import as_completed
 from dataclasses import dataclass, replace
@@ -13,9 +12,7 @@ from bench.field.families import FAMILIES, Split, film_of, has_pixels, label_of,
 from bench.field.measure import tally
 from bench.field.product import identify
 from bench.field.summary import Outcome
-from bench.field.tables import report as tables
-from bench.field.tables import write_reliability, write_sessions
-from bench.workers import WORKERS, one_threaded
+from bench.workers import one_threaded
 from gcs.session.frame_tables import motion_row, read_detections
 from infra.session_format import DETECTIONS, MOTION
 from sim.render.film import Film
@@ -131,49 +128,17 @@ def tasks_of(
     return sorted(tasks, key=lambda task: task.family != 11)
 
 
-def run(
-    out: Path,
-    quick: bool = False,
-    *,
-    split: Split = "report",
-    families: Sequence[int] = (),
-    versions: Sequence[bool] = (False, True),
-    workers: int = WORKERS,
-    print_note: Callable[[str], None] = lambda _: None,
-    report: Callable[[int, int], None] = lambda done, total: None,
-) -> str:
-    """Play the suite; write ``field.md``, ``sessions.csv`` and ``reliability.csv`` into a folder.
+def play_all(tasks: Sequence[Task], workers: int, report: Callable[[int, int], None]) -> list[Outcome]:
+    """Play sessions in worker processes; outcomes by family, version and seed.
 
     Args:
-        out: is made; files of these names in it are replaced.
-        quick: one short session of each family and version, for a look.
-        split: tuning or reporting seeds.
-        families: numbers; empty: all.
-        versions: False standard, True hard.
+        tasks: the sessions.
         workers: processes.
-        print_note: called with messages about the run that are not part of its tables.
         report: called with the sessions that are played so far, and all there are.
-
-    Returns:
-        the text of ``field.md``.
     """
-    began = time.monotonic()
-    tasks = tasks_of(split=split, quick=quick, families=families, versions=versions)
-    outcomes = sorted(_played(tasks, workers, report), key=lambda o: (o.family, o.hard, o.seed))
-    title = f"{'quick look, ' if quick else ''}{'reporting' if split == 'report' else 'tuning'} seeds"
-    text = tables(outcomes, title)
-    out.mkdir(parents=True, exist_ok=True)
-    (out / "field.md").write_text(text, encoding="utf-8")
-    write_sessions(outcomes, out / "sessions.csv")
-    write_reliability(outcomes, out / "reliability.csv")
-    print_note(f"{len(outcomes)} sessions in {time.monotonic() - began:.0f} s; wrote {out}")
-    return text
-
-
-def _played(tasks: Sequence[Task], workers: int, report: Callable[[int, int], None]) -> list[Outcome]:
     outcomes = []
     with one_threaded(workers) as pool:
         for done in as_completed([pool.submit(play, task) for task in tasks]):
             outcomes.append(done.result())
             report(len(outcomes), len(tasks))
-    return outcomes
+    return sorted(outcomes, key=lambda o: (o.family, o.hard, o.seed))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from bench.command_line import parser_of, print_results
+from bench.command_line import parser_of
 from bench.paper.experiments import Count, conditions, evaluate
 from bench.paper.occlusion import Kept, play
 from bench.paper.tables import write_tables
@@ -29,7 +29,7 @@ def main() -> None:
     write(options.out / "results.csv", Count, counts)
     write(options.out / "occlusion.csv", Kept, kept)
     write_tables(options.out, counts, kept, times(WINDOWS), options.quick)
-    print_results(f"{options.out}: {len(counts)} rows", options.out / "results.csv", as_json=options.json)
+    print(f"{options.out}: {len(counts)} rows")
 
 
 if __name__ == "__main__":

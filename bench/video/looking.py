@@ -8,8 +8,9 @@ from __future__ import annotations
 import csv
 import time
 
-from bench.command_line import parser_of, print_results
+from bench.command_line import parser_of
 from gcs.health.detector_speed import ground_sampling, seconds_a_frame
+from infra.markdown import markdown_table
 from vision.detect.detector import open_detector
 from vision.detect.turns import in_turns
 
@@ -31,14 +32,13 @@ def main() -> None:
             turns = in_turns(detector, size, gsd_m)
             rows.append((size[0], height_m, round(whole_s * 1e3, 1), round(flight_s * 1e3, 1), int(turns)))
     args.out.mkdir(parents=True, exist_ok=True)
-    path = args.out / "looking.csv"
-    with path.open("w", newline="", encoding="utf-8") as file:
+    with (args.out / "looking.csv").open("w", newline="", encoding="utf-8") as file:
         csv.writer(file).writerows([HEADING, *rows])
-    text = "| picture | height, m | whole, ms | in flight, ms | ratio |\n|---|---|---|---|---|\n" + "".join(
-        f"| {width} | {height_m:g} | {whole:g} | {flight:g}{' in turns' * turns} | {flight / whole:.2f} |\n"
+    cells = [
+        (str(width), f"{height_m:g}", f"{whole:g}", f"{flight:g}{' in turns' * turns}", f"{flight / whole:.2f}")
         for width, height_m, whole, flight, turns in rows
-    )
-    print_results(text, path, as_json=args.json)
+    ]
+    print(markdown_table(("picture", "height, m", "whole, ms", "in flight, ms", "ratio"), cells))
 
 
 if __name__ == "__main__":
