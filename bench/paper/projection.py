@@ -8,26 +8,18 @@ to the more is a hypothesis. Its normal equations are sums of per-vehicle and pe
 
     XᵀX = Σ_i G_i,  G_i = Σ_t x_i^t x_i^tᵀ      XᵀY = Σ_(i,j) H_ij,  H_ij = Σ_t x_i^t y_j^tᵀ      θ = (XᵀX)⁻¹ XᵀY
 
-so the frames are summed once and not once per hypothesis. XᵀX depends on the set of vehicles alone: it is solved once
-per set, for all pairs, and the θ of all hypotheses of the set are one product Θ = B A, B the solved pairs and A the 0/1
-matrix of which vehicle is paired with which track. Hypotheses are the last axis of every array.
-
-All injective assignments of the fewer to the more, in blocks that stay in a processor's cache.
-
-Symbols: n_rl vehicles, n_im tracks, s = min(n_rl, n_im) pairs of an assignment. An assignment is a set of s vehicles,
-whose members in ascending order are its places, and an order: the track that each place meets. Every order goes with
-every set, so what depends on the orders alone is made once for all sets, and kept for the next call.
-
-Reference:
+so the frames are summed once and not once per hypothesis. An assignment of s = min(n_rl, n_im) pairs is a set of s
+vehicles, whose members in ascending order are its places, and an order: the track that each place meets. XᵀX depends on
+the set alone: it is solved once per set, for all pairs, and the θ of all hypotheses of a set are one product Θ = B A, B
+the solved pairs and A the 0/1 matrix of which place meets which track. Hypotheses are the last axis of every array.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import lru_cache
-from itertools import combinations, islice
-from math import comb, perm
+from itertools import combinations, permutations
+from math import perm
 
 import numpy as np
 from numpy.typing import NDArray
@@ -39,17 +31,11 @@ IntArray = NDArray[np.int64]
 BoolArray = NDArray[np.bool_]
 _RANK_TOLERANCE = 1e-9
 """Smallest ratio of the least to the largest eigenvalue of XᵀX at which θ counts as determined."""
-_BLOCK = 20_160
-"""Hypotheses times frames of one block: 8 factorial / 2, a few hundred kB."""
-_SETS = 16
-"""Least sets of vehicles in a block where there are many: fewer cost more calls than they save memory."""
-_MEETINGS = 2**18
-"""Largest size of ``meets``, numbers: 2 MB."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Orders:
-    """Consecutive orders."""
+    """All orders of s of n_im tracks."""
 
     track: IntArray
     """(s, h) track of each place."""
@@ -57,44 +43,16 @@ class Orders:
     """(s · n_im, h) A: 1 in row k · n_im + j where place k meets track j, else 0."""
 
 
-def block_shape(n_rl: int, n_im: int, frames: int) -> tuple[int, int]:
-    """Vehicle sets and orders of one block: few enough for the cache, enough to hide the cost of a call."""
-    s = min(n_rl, n_im)
-    count = perm(n_im, s)
-    sets = min(comb(n_rl, s), max(_SETS, _BLOCK // (count * frames)))
-    return sets, max(1, min(count, _BLOCK // (sets * frames), _MEETINGS // (s * n_im)))
-
-
-def vehicle_sets(n_rl: int, s: int, size: int) -> Iterator[IntArray]:
-    """All sets of s vehicles in lexicographic order, as arrays (≤ size, s)."""
-    sets = combinations(range(n_rl), s)
-    while chunk := list(islice(sets, size)):
-        yield np.array(chunk, np.int64)
-
-
 @lru_cache(maxsize=8)
-def orders(start: int, stop: int, n_im: int, s: int) -> Orders:
-    """The orders start … stop − 1 of all perm(n_im, s) in lexicographic order.
-
-    Args:
-        start: First.
-        stop: One beyond the last; beyond the end it is the end.
-        n_im: Tracks.
-        s: Places.
-
-    Returns:
-        Shared, read-only arrays.
+def orders(n_im: int, s: int) -> Orders:
+    """All orders of s of n_im tracks, lexicographic; shared, read-only arrays.
 
     Example:
-        >>> orders(0, 6, 3, 2).track.T.tolist()
+        >>> orders(3, 2).track.T.tolist()
         [[0, 1], [0, 2], [1, 0], [1, 2], [2, 0], [2, 1]]
     """
-    rank = np.arange(start, min(stop, perm(n_im, s)))
-    # place k takes the d_k-th of the n_im − k tracks that are left:  rank = Σ_k d_k · perm(n_im − k − 1, s − k − 1)
-    track = np.array([rank // perm(n_im - k - 1, s - k - 1) % (n_im - k) for k in range(s)])
-    for k in reversed(range(s - 1)):
-        track[k + 1 :] += track[k + 1 :] >= track[k]
-    meets = np.zeros((s * n_im, len(rank)))
+    track = np.array(list(permutations(range(n_im), s)), np.int64).T
+    meets = np.zeros((s * n_im, track.shape[1]))
     # A[k · n_im + j_k, h] = 1
     np.put_along_axis(meets, n_im * np.arange(s)[:, None] + track, 1.0, axis=0)
     track.setflags(write=False)
@@ -122,10 +80,8 @@ class Projection:
 
 @dataclass(slots=True)
 class _Best:
-    """The best hypothesis of each of F future frames so far; s pairs."""
+    """The best hypothesis of each of F future frames; s pairs."""
 
-    error: FloatArray
-    """(F,) its pixel error in that frame, summed over pairs."""
     track: IntArray
     """(F, s) its tracks."""
     vehicle: IntArray
@@ -136,7 +92,7 @@ class _Best:
     """(F, F) its pixel error in every future frame."""
 
 
-def associate_by_projection(x: FloatArray, y: FloatArray, *, history: int = 10, most: int = 3_000_000) -> Projection:
+def associate_by_projection(x: FloatArray, y: FloatArray, *, history: int = 10, most: int = 200_000) -> Projection:
     """Find the assignment whose own least-squares projection predicts the future frames best.
 
     Each future frame votes for the hypothesis with the least summed pixel error; the most votes win, ties go to the
@@ -200,24 +156,17 @@ def _enumerate(G: FloatArray, H: FloatArray, x: FloatArray, y: FloatArray) -> tu
     """Winner of each future frame over all hypotheses, and how many were degenerate."""
     n_rl, n_im = H.shape[:2]
     s = min(n_rl, n_im)
-    count = perm(n_im, s)
-    size, run = block_shape(n_rl, n_im, len(x))
-    best: _Best | None = None
-    degenerate = 0
-    for sets in vehicle_sets(n_rl, s, size):
-        gram = np.sum(G[sets], axis=1)
-        full = _full_rank(gram)
-        degenerate += count * int(np.sum(~full))
-        if not np.any(full):
-            continue
-        vehicles = sets[full]
-        B, X = _solved(gram[full], H[vehicles]), x[:, vehicles].transpose(1, 0, 2, 3)
-        for start in range(0, count, run):
-            order = orders(start, start + run, n_im, s)
-            # Θ = B A, all hypotheses of the block at once
-            theta = (B @ order.meets).reshape(2, len(vehicles), 3, -1)
-            best = _better(best, _errors(X, y, theta, order.track), vehicles, order.track, theta)
-    return best, degenerate
+    sets = np.array(list(combinations(range(n_rl), s)), np.int64)
+    gram = np.sum(G[sets], axis=1)
+    full = _full_rank(gram)
+    degenerate = perm(n_im, s) * int(np.sum(~full))
+    if not np.any(full):
+        return None, degenerate
+    vehicles, order = sets[full], orders(n_im, s)
+    # Θ = B A, all hypotheses at once
+    theta = (_solved(gram[full], H[vehicles]) @ order.meets).reshape(2, len(vehicles), 3, -1)
+    error = _errors(x[:, vehicles].transpose(1, 0, 2, 3), y, theta, order.track)
+    return _best_of(error, vehicles, order.track, theta), degenerate
 
 
 def _full_rank(gram: FloatArray) -> BoolArray:
@@ -257,31 +206,23 @@ def _errors(X: FloatArray, y: FloatArray, theta: FloatArray, track: IntArray) ->
     return np.asarray(np.sum(distance, axis=2), np.float64)
 
 
-def _better(best: _Best | None, error: FloatArray, vehicles: IntArray, track: IntArray, theta: FloatArray) -> _Best:
-    """Best of the hypotheses so far and a further block, per future frame; the earlier of equals."""
+def _best_of(error: FloatArray, vehicles: IntArray, track: IntArray, theta: FloatArray) -> _Best:
+    """The best hypothesis of each future frame; the first of equals."""
     F, h = error.shape[1:]
     flat = error.transpose(1, 0, 2).reshape(F, -1)
     k = np.argmin(flat, axis=1)
-    least = flat[np.arange(F), k]
-    if best is not None and not np.any(least < best.error):
-        return best
     a, b = k // h, k % h
-    new = _Best(least, track[:, b].T, vehicles[a], theta[:, a, :, b].transpose(0, 2, 1), error[a, :, b])
-    if best is None:
-        return new
-    won = new.error < best.error
     return _Best(
-        np.where(won, new.error, best.error),
-        np.where(won[:, None], new.track, best.track),
-        np.where(won[:, None], new.vehicle, best.vehicle),
-        np.where(won[:, None, None], new.theta, best.theta),
-        np.where(won[:, None], new.per_frame, best.per_frame),
+        track=track[:, b].T,
+        vehicle=vehicles[a],
+        theta=theta[:, a, :, b].transpose(0, 2, 1),
+        per_frame=error[a, :, b],
     )
 
 
 def _elect(best: _Best, n_im: int, total: int, degenerate: int) -> Projection:
     """The hypothesis with the most votes of future frames."""
-    answers = np.full((len(best.error), n_im), -1, np.int64)
+    answers = np.full((len(best.track), n_im), -1, np.int64)
     np.put_along_axis(answers, best.track, best.vehicle, axis=1)
     votes = np.array([np.sum(np.all(answers == one, axis=1)) for one in answers])
     sums = np.sum(best.per_frame, axis=1)

@@ -1,7 +1,6 @@
-"""The paper's projection: exact against its literal form, in blocks of any size, honest about degenerate geometry."""
+"""The paper's projection: exact against its literal form, honest about degenerate geometry."""
 
-from itertools import combinations, permutations
-from math import comb, perm
+from itertools import permutations
 
 import numpy as np
 import pytest
@@ -9,8 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from assoc.errors import AssocError, DegenerateError, ShapeError
-from bench.paper import projection
-from bench.paper.projection import associate_by_projection, block_shape, orders, reprojection_errors, vehicle_sets
+from bench.paper.projection import associate_by_projection, orders, reprojection_errors
 
 
 def hypotheses(n_rl, n_im):
@@ -129,9 +127,6 @@ def test_reprojection_errors_are_zero_for_the_right_pairs():
     np.testing.assert_allclose(E[np.arange(4), truth], 0.0, atol=1e-6)
 
 
-# hypotheses in blocks
-
-
 def scores(x, y, history=10):
     """Every hypothesis, scored one by one, as (vehicle of each track, error of each future frame)."""
     found = []
@@ -158,30 +153,11 @@ def noisy_scene(n_rl, n_im, seed, frames=12):
 @pytest.mark.slow_but_first
 @pytest.mark.parametrize(("n_im", "s"), [(1, 1), (4, 1), (5, 3), (6, 6), (300, 2)])
 def test_orders_are_the_permutations_in_lexicographic_order(n_im, s):
-    everything = orders(0, perm(n_im, s), n_im, s)
+    everything = orders(n_im, s)
     assert everything.track.T.tolist() == [list(one) for one in permutations(range(n_im), s)]
     meets = everything.meets.reshape(s, n_im, -1)
     np.testing.assert_array_equal(np.argmax(meets, axis=1), everything.track)
     np.testing.assert_array_equal(np.sum(meets, axis=1), 1.0)
-
-
-def test_runs_of_orders_join_up():
-    runs = [orders(start, start + 7, 5, 3).track for start in range(0, perm(5, 3), 7)]
-    np.testing.assert_array_equal(np.concatenate(runs, axis=1), orders(0, perm(5, 3), 5, 3).track)
-    assert not runs[0].flags.writeable
-
-
-@pytest.mark.parametrize(("n_rl", "n_im"), [(7, 6), (6, 7), (9, 8), (9, 9), (200, 2), (2, 1500), (1, 1), (3000, 1)])
-@pytest.mark.parametrize("frames", [1, 2, 100])
-def test_blocks_are_bounded(n_rl, n_im, frames):
-    sets, run = block_shape(n_rl, n_im, frames)
-    s = min(n_rl, n_im)
-    assert 1 <= sets <= comb(n_rl, s) and 1 <= run <= perm(n_im, s)
-    assert sets * run * frames <= 20_160 and s * n_im * run <= 2**18
-
-
-def test_vehicle_sets_are_the_combinations():
-    assert np.concatenate(list(vehicle_sets(6, 3, 7))).tolist() == [list(one) for one in combinations(range(6), 3)]
 
 
 @settings(max_examples=40, deadline=None)
@@ -197,20 +173,6 @@ def test_winner_is_that_of_hypotheses_scored_one_by_one(n_rl, n_im, future, seed
     assert found.votes == np.sum(wins == k)
     assert found.error_px == pytest.approx(errors[k].sum(), rel=1e-9)
     assert found.hypotheses == len(table) and found.degenerate == 0
-
-
-@pytest.mark.parametrize(("n_rl", "n_im"), [(6, 4), (4, 5), (5, 5), (7, 2)])
-def test_the_answer_does_not_depend_on_the_block(n_rl, n_im, monkeypatch):
-    x, y = noisy_scene(n_rl, n_im, 3)
-    whole = associate_by_projection(x, y)
-    monkeypatch.setattr(projection, "_SETS", 2)
-    for size in (1, 11, 100):
-        monkeypatch.setattr(projection, "_BLOCK", size)
-        parts = associate_by_projection(x, y)
-        np.testing.assert_array_equal(parts.vehicle, whole.vehicle)
-        np.testing.assert_allclose(parts.theta, whole.theta, rtol=1e-9, atol=1e-9)
-        assert parts.error_px == pytest.approx(whole.error_px, rel=1e-9)
-        assert (parts.votes, parts.hypotheses) == (whole.votes, whole.hypotheses)
 
 
 @pytest.mark.slow_but_first
