@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import product
 
 import numpy as np
 
@@ -87,15 +88,6 @@ def _levels(start: float, stop: float, step: float, quick: bool) -> list[float]:
     return [values[0], values[len(values) // 2], values[-1]] if quick else values
 
 
-def _roads(road: str, rotation: float, quick: bool) -> tuple[Scenario, ...]:
-    return tuple(paper_road(road, rotation, seed) for seed in range(1, 2 if quick else 5))
-
-
-def _most(quick: bool) -> int:
-    """Windows of twelve frames: more than 1000 frames."""
-    return 4 if quick else 84
-
-
 def _asked(yes: bool) -> tuple[str, ...]:
     """The identifier takes most of the time: it is asked at fewer noise levels than the others."""
     return ("identifier",) if yes else ()
@@ -104,55 +96,54 @@ def _asked(yes: bool) -> tuple[str, ...]:
 def _figure7(quick: bool) -> list[Condition]:
     """Projection against white noise on the relative coordinates."""
     return [
-        Condition(
-            experiment="figure 7",
-            case=road,
-            rotation_deg=rotation,
-            noise=ConditionNoise(position_m=sigma, topology=0.0),
-            methods=("projection", "mean residual", *_asked(rotation == 0.0 or sigma % 1.0 == 0.0)),
-            flights=_roads(road, rotation, quick),
-            most=_most(quick),
+        _on_road(
+            ("figure 7", road, rotation),
+            ConditionNoise(position_m=sigma, topology=0.0),
+            ("projection", "mean residual", *_asked(rotation == 0.0 or sigma % 1.0 == 0.0)),
+            quick,
         )
-        for road in ROADS
-        for rotation in ROTATIONS
-        for sigma in _levels(0.0, 4.0, 0.25, quick)
+        for road, rotation, sigma in product(ROADS, ROTATIONS, _levels(0.0, 4.0, 0.25, quick))
     ]
 
 
 def _figure8(quick: bool) -> list[Condition]:
     """Topology and TTS against noise on positions and angles; figure 10 takes its rows without rotation."""
     return [
-        Condition(
-            experiment="figure 8",
-            case=road,
-            rotation_deg=rotation,
-            noise=ConditionNoise(position_m=sigma, topology=sigma, heading_deg=sigma),
-            methods=(*TOPOLOGY, *_asked(rotation == 0.0 and sigma % 2.0 == 0.0)),
-            flights=_roads(road, rotation, quick),
-            most=_most(quick),
+        _on_road(
+            ("figure 8", road, rotation),
+            ConditionNoise(position_m=sigma, topology=sigma, heading_deg=sigma),
+            (*TOPOLOGY, *_asked(rotation == 0.0 and sigma % 2.0 == 0.0)),
+            quick,
         )
-        for road in ROADS
-        for rotation in ROTATIONS
-        for sigma in _levels(0.0, 10.0, 1.0, quick)
+        for road, rotation, sigma in product(ROADS, ROTATIONS, _levels(0.0, 10.0, 1.0, quick))
     ]
 
 
 def _figure9(quick: bool) -> list[Condition]:
     """Both fused, each with noise of its own."""
     return [
-        Condition(
-            experiment="figure 9",
-            case=road,
-            rotation_deg=rotation,
-            noise=ConditionNoise(position_m=sigma, topology=sigma + 0.5, heading_deg=sigma + 0.5),
-            methods=("projection", "topology", "fusion", *_asked(rotation == 0.0 and sigma % 0.75 == 0.25)),
-            flights=_roads(road, rotation, quick),
-            most=_most(quick),
+        _on_road(
+            ("figure 9", road, rotation),
+            ConditionNoise(position_m=sigma, topology=sigma + 0.5, heading_deg=sigma + 0.5),
+            ("projection", "topology", "fusion", *_asked(rotation == 0.0 and sigma % 0.75 == 0.25)),
+            quick,
         )
-        for road in ROADS
-        for rotation in ROTATIONS
-        for sigma in _levels(0.25, 4.0, 0.25, quick)
+        for road, rotation, sigma in product(ROADS, ROTATIONS, _levels(0.25, 4.0, 0.25, quick))
     ]
+
+
+def _on_road(where: tuple[str, str, float], noise: ConditionNoise, methods: tuple[str, ...], quick: bool) -> Condition:
+    """A condition by its experiment, road and rotation: four flights, in windows of more than 1000 frames."""
+    experiment, road, rotation = where
+    return Condition(
+        experiment=experiment,
+        case=road,
+        rotation_deg=rotation,
+        noise=noise,
+        methods=methods,
+        flights=tuple(paper_road(road, rotation, seed) for seed in range(1, 2 if quick else 5)),
+        most=4 if quick else 84,
+    )
 
 
 def _false(quick: bool) -> list[Condition]:
