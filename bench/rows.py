@@ -1,15 +1,12 @@
-"""Rows of flat dataclasses as CSV, and back."""
+"""Rows of flat dataclasses as CSV."""
 
 from __future__ import annotations
 
 import csv
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import astuple, fields
 from pathlib import Path
-from typing import Any, TypeVar
-
-Row = TypeVar("Row")
-_CASTS: dict[str, Callable[[str], object]] = {"int": int, "float": float, "str": str, "bool": "True".__eq__}
+from typing import Any
 
 
 def write(path: Path, kind: type[Any], rows: Sequence[Any]) -> None:
@@ -19,10 +16,3 @@ def write(path: Path, kind: type[Any], rows: Sequence[Any]) -> None:
         writer.writerow([f.name for f in fields(kind)])
         for row in rows:
             writer.writerow([f"{value:.6g}" if isinstance(value, float) else value for value in astuple(row)])
-
-
-def read(path: Path, kind: type[Row]) -> list[Row]:
-    """Read what :func:`write` wrote."""
-    names = {f.name: _CASTS[str(f.type)] for f in fields(kind)}  # type: ignore[arg-type]
-    with path.open(newline="", encoding="utf-8") as file:
-        return [kind(**{name: names[name](value) for name, value in row.items()}) for row in csv.DictReader(file)]

@@ -16,7 +16,7 @@ from bench.field.measure import tally
 from bench.field.product import identify
 from bench.field.summary import summarise
 from bench.field.tables import number
-from bench.rows import read, write
+from bench.rows import write
 from bench.workers import one_threaded
 from gcs.cli.output.console import print_note
 from gcs.cli.output.progress import progress
@@ -99,19 +99,11 @@ def score_session(session: Path) -> SessionScore:
     )
 
 
-def text_of(rows: Sequence[SessionScore], before: Sequence[SessionScore]) -> str:
-    """The table in Markdown, an earlier run's figures before the arrow where the session is in both."""
-    earlier = {row.session: row for row in before}
+def text_of(rows: Sequence[SessionScore]) -> str:
+    """The table in Markdown."""
     names = ("precision", "right", "FPER", "wrong ≥ 0.9, s", "ECE", "switches", "swaps", "tracks", "alarm after s")
-    head = ("session", *names, "ms, mean / p95")
-    lines = []
-    for row in rows:
-        cells = _cells(row)
-        if row.session in earlier:
-            old = _cells(earlier[row.session])
-            cells = [now if was == now else f"{was} → {now}" for was, now in zip(old, cells, strict=True)]
-        lines.append((row.session, *cells))
-    return f"# Recorded sessions\n\n{_WORDS}\n\n{markdown_table(head, lines)}\n"
+    table = markdown_table(("session", *names, "ms, mean / p95"), [[row.session, *_cells(row)] for row in rows])
+    return f"# Recorded sessions\n\n{_WORDS}\n\n{table}\n"
 
 
 _WORDS = """\
@@ -130,15 +122,13 @@ def _cells(row: SessionScore) -> list[str]:
 def main() -> None:
     parser = argparse.ArgumentParser(prog="python -m bench.recorded", description="Recorded sessions with truth")
     parser.add_argument("folders", nargs="+", type=Path, metavar="FOLDER", help="a session, or a folder of sessions")
-    parser.add_argument("--before", type=Path, help="recorded.csv of an earlier run, to be shown beside this one")
     parser.add_argument("--workers", type=count, default=1)
     parser.add_argument("--out", type=Path, default=RESULTS / "recorded", help="folder of the results (%(default)s)")
     options = parser.parse_args()
     options.out.mkdir(parents=True, exist_ok=True)
     with progress("recorded") as report:
         rows = measure(sessions_in(options.folders), options.workers, report)
-    before = read(options.before, SessionScore) if options.before else []
-    text = text_of(rows, before)
+    text = text_of(rows)
     write(options.out / "recorded.csv", SessionScore, rows)
     (options.out / "recorded.md").write_text(text, encoding="utf-8")
     print(text)

@@ -1,6 +1,7 @@
 """The published experiments: flights, windows, methods against their literal peers, tables."""
 
-from dataclasses import replace
+import csv
+from dataclasses import fields, replace
 from math import isnan
 
 import numpy as np
@@ -14,7 +15,7 @@ from bench.paper.occlusion import KEEPERS, ByteTrack, Kept, hidden_at_turns, wal
 from bench.paper.tables import PUBLISHED_MS, percent, pooled, published_at, write_tables
 from bench.paper.times import MethodTime, times
 from bench.paper.windows import windows
-from bench.rows import read, write
+from bench.rows import write
 from vision.detect.detections import Detections
 
 QUIET = ConditionNoise(position_m=0.0, topology=0.0)
@@ -180,10 +181,15 @@ def test_published_lines_end_where_the_text_has_them():
     assert published_at("figure 7", "curved", 4.0) == pytest.approx(50.0, abs=4.0)
 
 
-def test_rows_come_back_from_their_file(tmp_path):
-    rows = [count(), count(sigma_m=0.25, case="straight")]
-    write(tmp_path / "rows.csv", Count, rows)
-    assert read(tmp_path / "rows.csv", Count) == rows
+def test_rows_are_written_with_their_names(tmp_path):
+    write(tmp_path / "rows.csv", Count, [count(), count(sigma_m=0.123456789, case="straight")])
+    with (tmp_path / "rows.csv").open(newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert list(rows[0]) == [each.name for each in fields(Count)]
+    assert [(row["sigma_m"], row["case"]) for row in rows] == [
+        (f"{count().sigma_m:g}", count().case),
+        ("0.123457", "straight"),
+    ]
 
 
 def test_tables_show_published_theirs_and_ours_side_by_side(tmp_path):

@@ -2,8 +2,7 @@ import dataclasses
 
 import pytest
 
-from bench.recorded.__main__ import SessionScore, measure, sessions_in, text_of
-from bench.rows import read, write
+from bench.recorded.__main__ import measure, sessions_in, text_of
 from sim.session import write_session
 from sim.world.presets import nominal
 from sim.world.scenario import ScenarioDetector, ScenarioFlight, Targets
@@ -30,12 +29,10 @@ def test_sessions_are_found_below_a_folder_and_given_alone(folder):
     assert sessions_in([folder / "rough"]) == [folder / "rough"]
 
 
-def test_each_session_is_a_row_beside_what_it_was(folder, tmp_path):
+def test_each_session_is_a_row(folder):
     rows = measure([folder / "calm"])
     assert (rows[0].session, rows[0].frames, rows[0].precision) == ("calm", 30, 100.0)
-    write(tmp_path / "recorded.csv", SessionScore, rows)
-    worse = dataclasses.replace(read(tmp_path / "recorded.csv", SessionScore)[0], right=12.5, mismatch_s=3.0)
-    text = text_of(rows, [worse])
-    assert f"| 12.50 → {rows[0].right:.2f} |" in text
-    assert "| 3.0 → – |" in text
-    assert "→" not in text_of(rows, [dataclasses.replace(worse, session="another")])
+    text = text_of([*rows, dataclasses.replace(rows[0], session="worse", right=12.5, mismatch_s=3.0)])
+    assert f"| calm | 100.00 | {rows[0].right:.2f} |" in text and "| worse | 100.00 | 12.50 |" in text
+    calm, worse = text.splitlines()[-2:]
+    assert "| – | " in calm and "| 3.0 | " in worse
