@@ -145,40 +145,41 @@ Part = tuple[bytes, bool]
 """Bytes, and whether they are an undamaged frame."""
 
 
-def _flipped(at: int) -> Callable[[Sequence[bytes], random.Random], list[Part]]:
+Damage = Callable[[bytes, random.Random], list[Part]]
+"""What stands in a stream instead of a frame."""
+
+
+def _hit(damage: Damage, share: int = _SHARE, first: int = 3) -> Callable[[Sequence[bytes], random.Random], list[Part]]:
+    """One frame in so many is hit, from the first on; the others are whole."""
+
     def parts(frames: Sequence[bytes], rng: random.Random) -> list[Part]:
-        made: list[Part] = []
-        for i, frame in enumerate(frames):
-            if i % _SHARE == 3:
-                hurt = bytearray(frame)
-                hurt[at if at >= 0 else len(frame) + at] ^= rng.randrange(1, 256)
-                made.append((bytes(hurt), False))
-            else:
-                made.append((frame, True))
-        return made
+        return [
+            part
+            for i, frame in enumerate(frames)
+            for part in (damage(frame, rng) if i % share == first else [(frame, True)])
+        ]
 
     return parts
 
 
-def _between(make: Callable[[random.Random], bytes]) -> Callable[[Sequence[bytes], random.Random], list[Part]]:
-    def parts(frames: Sequence[bytes], rng: random.Random) -> list[Part]:
-        made: list[Part] = []
-        for i, frame in enumerate(frames):
-            if i % _SHARE == 3:
-                made.append((make(rng), False))
-            made.append((frame, True))
-        return made
+def _flipped(at: int) -> Damage:
+    def flip(frame: bytes, rng: random.Random) -> list[Part]:
+        hurt = bytearray(frame)
+        hurt[at] ^= rng.randrange(1, 256)
+        return [(bytes(hurt), False)]
 
-    return parts
+    return flip
 
 
-def _half(frames: Sequence[bytes], rng: random.Random) -> list[Part]:
-    return [
-        (frame, True) if i % 40 else (frame[: rng.randrange(1, len(frame))], False) for i, frame in enumerate(frames)
-    ]
+def _between(make: Callable[[random.Random], bytes]) -> Damage:
+    return lambda frame, rng: [(make(rng), False), (frame, True)]
 
 
-INPUTS: dict[str, Callable[[Sequence[bytes], random.Random], list[Part]]] = {
+def _half(frame: bytes, rng: random.Random) -> list[Part]:
+    return [(frame[: rng.randrange(1, len(frame))], False)]
+
+
+_DAMAGES: dict[str, Damage] = {
     **{f"flipped {name}": _flipped(at) for at, name in enumerate(HEADER)},
     "flipped payload": _flipped(11),
     "flipped checksum": _flipped(-1),
@@ -186,7 +187,9 @@ INPUTS: dict[str, Callable[[Sequence[bytes], random.Random], list[Part]]] = {
     "FD FF 00 between": _between(lambda rng: b"\xfd\xff\x00"),
     "FD FF 01 between": _between(lambda rng: b"\xfd\xff\x01"),
     "FE FF between": _between(lambda rng: b"\xfe\xff"),
-    "half a frame, then others": _half,
+}
+INPUTS = {name: _hit(damage) for name, damage in _DAMAGES.items()} | {
+    "half a frame, then others": _hit(_half, 40, 0),
 }
 
 
