@@ -185,22 +185,9 @@ MIN_PREFIX = 2
 LABEL_LETTER = re.compile(r"[\w\-?~#%+.,:=±… \0]")
 WORDS = frozenset(
     (
-        *("N", "no", "video", "waiting", "for", "first", "frame", "new", "not", "analysed", "yet", "home"),
-        *(
-            "stale",
-            "lost",
-            "same",
-            "never",
-            "refused",
-            "contested",
-            "several",
-            "held",
-            "stated",
-            "old",
-            "position",
-            "positions",
-            "ago",
-        ),
+        *("N", "no", "video", "waiting", "for", "first", "frame", "new", "not", "analysed", "yet", "home", "ago"),
+        *("stale", "lost", "same", "never", "refused", "contested", "several", "held", "stated", "old", "position"),
+        "positions",
     )
 )
 """Words on video and map that are no names."""

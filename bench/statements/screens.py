@@ -29,30 +29,9 @@ PLACE = re.compile(
 FACTS = dict.fromkeys(
     (
         *("likeliest", "candidates", "sender", "signed", "refused", "position", "track", "place", "heading", "state"),
-        *(
-            "GNSS",
-            "loss",
-            "heartbeat",
-            "battery",
-            "radio",
-            "satellites",
-            "from the UAV",
-            "filter",
-            "fence",
-            "confirmed",
-        ),
-        *(
-            "tentative",
-            "coasting",
-            "unknown",
-            "out of view",
-            "no position",
-            *("misplaced", "never heard", "no new frame"),
-            "boxes",
-            "video clock",
-            "camera yaw",
-            *("do", "named", "ever named"),
-        ),
+        *("GNSS", "loss", "heartbeat", "battery", "radio", "satellites", "from the UAV", "filter", "fence"),
+        *("confirmed", "tentative", "coasting", "unknown", "out of view", "no position", "misplaced", "never heard"),
+        *("no new frame", "boxes", "video clock", "camera yaw", "do", "named", "ever named"),
     ),
     ANY,
 ) | {
