@@ -52,10 +52,10 @@ def record(gcs: str, recording: Path) -> Iterator[tuple[float, str]]:
     with tempfile.TemporaryDirectory() as folder:
         copy = shutil.copytree(recording, Path(folder) / recording.name)
         with TerminalSession([gcs, "replay", str(copy), "--ui", "graphics=blocks"], SIZE) as session:
-            session.wait_for(lambda text: "analysed" in text.partition("\n")[0], ANALYSED_S)
-            session.wait_for(lambda text: "analysed" not in text.partition("\n")[0], ANALYSED_S)
+            session.wait_until(lambda text: "analysed" in text.partition("\n")[0], ANALYSED_S)
+            session.wait_until(lambda text: "analysed" not in text.partition("\n")[0], ANALYSED_S)
             session.press(HOME)
-            session.wait_for(lambda text: "video ok" in text)
+            session.wait_until(lambda text: "video ok" in text)
             if PLAYING not in session.catch_up():
                 session.press(SPACE)
             for keys, look_s in STEPS:

@@ -81,16 +81,14 @@ class _ShownApp(RollcallApp):
 class ReplayedStation(ScriptedStation):
     """A replay that is paused where its analysis has not come by yet."""
 
-    title = f"{ANALYSED:.0%} analysed"
-
     def __init__(self, moment: Moment) -> None:
         shown = replace(moment.snapshot, analysed=False, vehicles=(), boxes=(), alarms=())
         super().__init__(replace(moment, snapshot=shown))
-        self.timeline = FakeTimeline()  # type: ignore[assignment]
+        self.title, self.timeline = f"{ANALYSED:.0%} analysed", FakeTimeline()
         start_us, lasted_us = shown.now_us - 300_000_000, 400_000_000
-        self.timeline.start_us, self.timeline.stop_us = start_us, start_us + lasted_us  # type: ignore[attr-defined]
-        self.timeline.now_us = shown.now_us  # type: ignore[attr-defined]
-        self.timeline.analysed = [(start_us, start_us + round(ANALYSED * lasted_us))]  # type: ignore[attr-defined]
+        self.timeline.start_us, self.timeline.stop_us = start_us, start_us + lasted_us
+        self.timeline.now_us = shown.now_us
+        self.timeline.analysed = [(start_us, start_us + round(ANALYSED * lasted_us))]
 
 
 def cells_of(app: App[None]) -> list[list[Cell]]:

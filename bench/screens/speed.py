@@ -1,11 +1,11 @@
 """How soon a key shows, what the screens cost, and how soon the first picture is there.
 
     python -m bench.screens.speed
-    python -m bench.screens.speed --beside ../before --keys 100 --write bench/results/screens_speed.md
+    python -m bench.screens.speed --keys 100 --write bench/results/screens_speed.md
 
 The program runs in a pseudo-terminal, on copies of a bundled recording and beside a simulated 1080p flight. A key
-counts as shown when the terminal has got the row that it picks. With ``--beside`` another checkout is measured in
-turns. Shares are of one core: of the main thread, which draws, and of the whole program, which also decodes.
+counts as shown when the terminal has got the row that it picks. Shares are of one core: of the main thread, which
+draws, and of the whole program, which also decodes.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ PLAYING = "►"
 
 @dataclass(slots=True)
 class Figures:
-    """Of one checkout, by what was measured."""
+    """Of all turns, by what was measured."""
 
     key_ms: dict[str, list[float]] = field(default_factory=dict)
     drawing: dict[str, list[float]] = field(default_factory=dict)
@@ -57,12 +57,13 @@ def measure_keys(session: TerminalSession, keys: int, case: str, figures: Figure
     rng = random.Random(7)
     for k in range(keys + 1):
         before = PICKED.findall(session.catch_up())
-        pressed_s = session.press(UP if k % 2 else DOWN)
+        pressed_s = time.monotonic()
+        session.press(UP if k % 2 else DOWN)
 
         def moved(text: str, before: list[str] = before) -> bool:
             return PICKED.findall(text) != before
 
-        shown_s = session.wait_for(moved, limit_s=10.0)
+        shown_s = session.wait_until(moved, limit_s=10.0)
         if k:  # before the first nothing is picked
             figures.key_ms.setdefault(case, []).append(1e3 * (shown_s - pressed_s))
         time.sleep(KEY_S * rng.uniform(0.7, 1.3))
@@ -80,7 +81,7 @@ def measure_cpu(session: TerminalSession, case: str, figures: Figures, seconds: 
 def measure_replay(gcs: Path, recording: Path, keys: int, figures: Figures) -> None:
     """A recording of 10 frames a second, paused and playing."""
     with _replay(gcs, recording, WIDE) as session:
-        shown_s = session.wait_for(lambda text: "▀" in text)
+        shown_s = session.wait_until(lambda text: "▀" in text)
         figures.first_s.append(shown_s - session.started_s)
         _wait_analysed(session)
         _from_start(session, playing=False)
@@ -95,7 +96,7 @@ def measure_replay(gcs: Path, recording: Path, keys: int, figures: Figures) -> N
 def measure_faster(gcs: Path, recording: Path, figures: Figures) -> None:
     """A recording of 15 frames a second on a larger screen."""
     with _replay(gcs, recording, DENSE) as session:
-        session.wait_for(lambda text: "▀" in text)
+        session.wait_until(lambda text: "▀" in text)
         _wait_analysed(session)
         _from_start(session, playing=True)
         measure_cpu(session, f"replay, {FASTER_FPS} frames/s, 160×45", figures, FASTER_S - 2 * SETTLE_S)
@@ -110,9 +111,9 @@ def measure_flight(gcs: Path, keys: int, figures: Figures) -> None:
         flight = [gcs, "fly", mission, "-l", str(links), "-v", stream, "--sessions", f"{folder}/sessions"]
         simulator = [gcs, "sim", "run", "curved-road", "--live", "--telemetry", f"udpout:127.0.0.1:{links}"]
         with TerminalSession([*map(str, flight), "--ui", "graphics=blocks"], WIDE) as session:
-            session.wait_for(lambda text: "ROLLCALL" in text)
+            session.wait_until(lambda text: "ROLLCALL" in text)
             with _running([*map(str, simulator), "--stream", stream, "--truth", f"{folder}/truth.csv"]):
-                session.wait_for(lambda text: "▀" in text)
+                session.wait_until(lambda text: "▀" in text)
                 time.sleep(SETTLE_S)
                 measure_cpu(session, "live, 10 frames/s of 1080p, 120×40", figures, CPU_S / 2)
                 measure_keys(session, min(keys, 40), "beside a 1080p flight", figures)
@@ -137,7 +138,7 @@ def _running(command: list[str]) -> Iterator[None]:
 
 
 def _wait_analysed(session: TerminalSession) -> None:
-    session.wait_for(lambda text: "REPLAY" in text and "analysed" not in text.partition("\n")[0], limit_s=120.0)
+    session.wait_until(lambda text: "REPLAY" in text and "analysed" not in text.partition("\n")[0], limit_s=120.0)
 
 
 def _from_start(session: TerminalSession, *, playing: bool) -> None:
@@ -156,42 +157,35 @@ def simulate(gcs: Path, folder: Path) -> Path:
     return folder / "faster"
 
 
-def table(checkouts: dict[str, Figures]) -> str:
-    """In Markdown, one column for each checkout."""
+def table(figures: Figures) -> str:
+    """In Markdown."""
     rows = []
-    every = list(checkouts.values())
-    for case in every[-1].key_ms:
+    for case, taken_ms in figures.key_ms.items():
         for name, share, most_ms in (("median", 0.5, 50), ("p99", 0.99, 120)):
-            cells = [f"{np.quantile(each.key_ms[case], share):.0f} ms" for each in every]
-            rows.append([f"key to screen, {case}, {name}", *cells, f"≤ {most_ms} ms"])
+            rows.append([f"key to screen, {case}, {name}", f"{np.quantile(taken_ms, share):.0f} ms", f"≤ {most_ms} ms"])
     goals = {"idle": "≤ 2 %", "live": "≤ 10 %", "replay, 10": "≤ 15 %", "replay, 15": "≤ 50 %"}
-    for case in every[-1].drawing:
+    for case, shares in figures.drawing.items():
         goal = next(text for start, text in goals.items() if case.startswith(start))
-        rows.append([f"drawing, {case}", *(f"{np.median(each.drawing[case]):.1%}" for each in every), goal])
-        rows.append([f"the whole program, {case}", *(f"{np.median(each.whole[case]):.1%}" for each in every), ""])
-    rows.append(["start to first picture", *(f"{np.median(each.first_s):.2f} s" for each in every), "≤ 1.5 s"])
-    return markdown_table(["", *checkouts, "goal"], rows)
+        rows.append([f"drawing, {case}", f"{np.median(shares):.1%}", goal])
+        rows.append([f"the whole program, {case}", f"{np.median(figures.whole[case]):.1%}", ""])
+    rows.append(["start to first picture", f"{np.median(figures.first_s):.2f} s", "≤ 1.5 s"])
+    return markdown_table(["", "now", "goal"], rows)
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--beside", type=Path, help="another checkout, with its .venv, measured in turns")
     parser.add_argument("--keys", type=int, default=50, help="keys of each case and turn (%(default)s)")
     parser.add_argument("--turns", type=int, default=2, help="times that everything is measured (%(default)s)")
     parser.add_argument("--write", type=Path, default=RESULTS / "screens_speed.md")
     options = parser.parse_args()
-    here = Path(".venv/bin/gcs").absolute()
-    checkouts = {"before": options.beside.absolute() / ".venv/bin/gcs"} if options.beside else {}
-    checkouts["now"] = here
-    figures = {name: Figures() for name in checkouts}
+    gcs, figures = Path(".venv/bin/gcs").absolute(), Figures()
     with tempfile.TemporaryDirectory() as folder:
-        faster = simulate(here, Path(folder))
+        faster = simulate(gcs, Path(folder))
         for turn in range(options.turns):
-            for name, gcs in checkouts.items():
-                measure_replay(gcs, RECORDING, options.keys, figures[name])
-                measure_faster(gcs, faster, figures[name])
-                measure_flight(gcs, options.keys, figures[name])
-                print(f"turn {turn + 1}, {name}\n{table({name: figures[name]})}\n", flush=True)
+            measure_replay(gcs, RECORDING, options.keys, figures)
+            measure_faster(gcs, faster, figures)
+            measure_flight(gcs, options.keys, figures)
+            print(f"turn {turn + 1}\n{table(figures)}\n", flush=True)
     load = f"Load average at the end {os.getloadavg()[0]:.1f} on {os.cpu_count()} cores."
     text = (
         f"# How soon keys show, and what the screens cost\n\n{(__doc__ or '').strip()}\n\n{load}\n\n{table(figures)}\n"

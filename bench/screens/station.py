@@ -2,19 +2,12 @@
 
 from __future__ import annotations
 
-import fcntl
+import contextlib
 import itertools
 import math
-import os
-import pty
-import select
-import signal
-import struct
 import subprocess
-import termios
-import threading
 import time
-from collections.abc import AsyncIterator, Callable, Iterable, Mapping, Sequence
+from collections.abc import AsyncIterator, Callable, Iterable, Sequence
 from dataclasses import dataclass
 from types import TracebackType
 from typing import Self
@@ -23,29 +16,24 @@ import psutil
 
 from bench.screens.flights import Moment
 from bench.screens.screen import Screen, TerminalScreen, read_screen
-from gcs.snapshot import Alarm, Event, FleetChange, Snapshot
-from gcs.station import CameraPicture, Newcomer, Station
+from gcs.snapshot import Event, Snapshot
 from gcs.tui import RollcallApp
-from gcs.tui.terminal.pacing import QUESTION
-from mavlink.transmit.message_rates import Rate
+from tests.support.fake_station import FakeStation
+from tests.support.slow_terminal import SlowTerminal
 
 VIEWS: tuple[tuple[str, ...], ...] = (("1",), ("2",), ("3",), ("1", "down", "down"), ("a",), ("1", "f", "z"))
 """Keys that change what is shown, each for an equal part of a flight: the layouts, a vehicle's identity, the alarms,
 every column of the fleet."""
 
 
-class ScriptedStation(Station):
-    """Gives the moment it is at, as a flight would; what the operator does goes nowhere."""
+class ScriptedStation(FakeStation):
+    """Gives the moment it is at, as a flight would."""
 
-    title = "scripted"
-    timeline = None
-    commands = practice = None
-    error = None
-    folder = None
-    tiles = None
+    commands = None
 
     def __init__(self, moment: Moment) -> None:
-        self.moment = moment
+        super().__init__(live=True, snapshot=moment.snapshot)
+        self.title, self.moment = "scripted", moment
 
     def latest(self) -> Snapshot | None:
         return self.moment.snapshot
@@ -53,50 +41,8 @@ class ScriptedStation(Station):
     def events(self) -> Sequence[Event]:
         return self.moment.events
 
-    def mark(self, t_us: int, text: str, system_id: int = 0) -> None:
-        return None
-
-    def add_event(self, event: Event) -> None:
-        return None
-
-    def acknowledge(self, alarms: Sequence[Alarm]) -> None:
-        return None
-
-    def state_name(self, track_id: int, system_id: int) -> None:
-        return None
-
-    def undo_statement(self, track_id: int = 0) -> None:
-        return None
-
-    def rates(self) -> Sequence[Rate]:
-        """A recording measures nothing."""
-        return ()
-
-    def newcomers(self) -> Sequence[Newcomer]:
-        """Nobody."""
-        return ()
-
-    def change_fleet(self, change: FleetChange) -> None:
-        """Not in a scene."""
-
-    def accept_held(self, system_ids: Sequence[int]) -> None:
-        return None
-
-    def save_mission(self) -> str:
-        """Nowhere."""
-        return ""
-
-    def take_rival_video(self) -> None:
-        return None
-
     def next_view(self) -> None:
         """There is no other camera."""
-
-    def pictures(self) -> Sequence[CameraPicture]:
-        return [CameraPicture(name=self.title, snapshot=self.moment.snapshot, on_show=True)]
-
-    def stop(self) -> None:
-        return None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -135,38 +81,23 @@ def _parts(moments: Sequence[Moment], count: int) -> Iterable[Sequence[Moment]]:
 
 LONGEST_S = 60.0
 """Nothing that is waited for takes longer."""
-READ_BYTES = 1 << 16
-REPLY = b"\x1b[0n"
 
 
-class TerminalSession:
+class TerminalSession(SlowTerminal):
     """Runs a program in a pseudo-terminal until it is closed; a context manager.
 
     Args:
         command: program and arguments.
         size: columns and rows.
-        environment: beside what every terminal has.
     """
 
-    def __init__(self, command: Sequence[str], size: tuple[int, int], environment: Mapping[str, str] = {}) -> None:
+    def __init__(self, command: Sequence[str], size: tuple[int, int]) -> None:
         self.terminal = TerminalScreen(*size)
-        self.written: list[tuple[float, bytes]] = []
-        """Bytes that came, each with the monotonic time, s."""
-        self._fed = 0
-        self._main, inner = pty.openpty()
-        fcntl.ioctl(inner, termios.TIOCSWINSZ, struct.pack("HHHH", size[1], size[0], 0, 0))
+        self.came: list[tuple[float, int]] = []
+        """Monotonic times, s, at which something came, and the bytes until then."""
+        self._fed = self._fed_bytes = 0
         self.started_s = time.monotonic()
-        self.process = subprocess.Popen(
-            command,
-            stdin=inner,
-            stdout=inner,
-            stderr=inner,
-            start_new_session=True,
-            env={**os.environ, "TERM": "xterm-256color", "COLORTERM": "truecolor", **environment},
-        )
-        os.close(inner)
-        self._reading = threading.Thread(target=self._read, daemon=True)
-        self._reading.start()
+        super().__init__(command, size=size, controls=False)
 
     def __enter__(self) -> Self:
         return self
@@ -174,29 +105,17 @@ class TerminalSession:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        self.process.send_signal(signal.SIGTERM)
-        try:
+        self.process.terminate()
+        with contextlib.suppress(subprocess.TimeoutExpired):
             self.process.wait(timeout=20)
-        except subprocess.TimeoutExpired:
-            self.process.kill()
-            self.process.wait()
-        self._reading.join(timeout=5)
-        os.close(self._main)
+        self.end()
 
-    def press(self, keys: bytes) -> float:
-        """Type; returns when, monotonic seconds."""
-        now = time.monotonic()
-        os.write(self._main, keys)
-        return now
-
-    def wait_for(self, seen: Callable[[str], bool], limit_s: float = LONGEST_S) -> float:
+    def wait_until(self, seen: Callable[[str], bool], limit_s: float = LONGEST_S) -> float:
         """Wait until the screen is as wanted; returns the monotonic time, s, inf if it was not in time."""
         stop_s = time.monotonic() + limit_s
         while True:
-            while self._fed < len(self.written):
-                came_s, data = self.written[self._fed]
-                self._fed += 1
-                self.terminal.feed(data)
+            while self._fed < len(self.came):
+                came_s = self._feed_next()
                 if seen(self.terminal.text):
                     return came_s
             if time.monotonic() > stop_s:
@@ -205,9 +124,8 @@ class TerminalSession:
 
     def catch_up(self) -> str:
         """The text of the screen as it is now."""
-        while self._fed < len(self.written):
-            self.terminal.feed(self.written[self._fed][1])
-            self._fed += 1
+        while self._fed < len(self.came):
+            self._feed_next()
         return self.terminal.text
 
     def cpu_s(self) -> tuple[float, float]:
@@ -217,17 +135,14 @@ class TerminalSession:
         times = process.cpu_times()
         return main.user_time + main.system_time, times.user + times.system
 
-    def _read(self) -> None:
-        """Until the program ends; what asks whether its output is shown is answered, as terminals do."""
-        rest = b""
-        while self.process.poll() is None or select.select([self._main], [], [], 0)[0]:
-            if not select.select([self._main], [], [], 0.2)[0]:
-                continue
-            try:
-                data = os.read(self._main, READ_BYTES)
-            except OSError:  # the other end is closed
-                return
-            self.written.append((time.monotonic(), data))
-            *questions, rest = (rest + data).split(QUESTION)
-            os.write(self._main, REPLY * len(questions))
-            rest = rest[1 - len(QUESTION) :]
+    def _feed_next(self) -> float:
+        came_s, until = self.came[self._fed]
+        self.terminal.feed(bytes(self.shown[self._fed_bytes : until]))
+        self._fed, self._fed_bytes = self._fed + 1, until
+        return came_s
+
+    def _show(self, room: int, now: float) -> int:
+        took = super()._show(room, now)
+        if took:
+            self.came.append((time.monotonic(), len(self.shown)))
+        return took
