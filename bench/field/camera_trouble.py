@@ -10,14 +10,7 @@ import numpy as np
 
 from bench.field.draws import road, session
 from sim.world.error_draws import gnss, signed, slight
-from sim.world.scenario import (
-    Scenario,
-    ScenarioCamera,
-    ScenarioDeclared,
-    ScenarioFlight,
-    ScenarioTiming,
-    Zoom,
-)
+from sim.world.scenario import Scenario, ScenarioCamera, ScenarioDeclared, ScenarioFlight, ScenarioTiming, Zoom
 
 SHAKING = (
     "nadir, 50 Hz, rates",
@@ -85,14 +78,13 @@ def _shaken(label: str, k: int, wobble_deg: float, rng: np.random.Generator) -> 
         wander_deg=float(rng.uniform(0.1, 0.5)),
     )
     return session(
+        rng,
         duration_s=30.0,
         fps=fps[0] if fps else 10.0,
         ground=road(k, vehicles=int(rng.integers(5, 9)), area_m=(34.0, 20.0)),
         camera=_lens(rng, view, mount="fixed"),
         flight=ScenarioFlight(
-            height_m=float(rng.uniform(36.0, 50.0)),
-            wobble_deg=wobble_deg,
-            wobble_tau_s=float(rng.uniform(0.15, 0.4)),
+            height_m=float(rng.uniform(36.0, 50.0)), wobble_deg=wobble_deg, wobble_tau_s=float(rng.uniform(0.15, 0.4))
         ),
         gnss=gnss(rng, white=float(rng.uniform(0.2, 0.6)), bias=float(rng.uniform(0.4, 1.2))),
         attitude=attitude,
@@ -122,11 +114,10 @@ def wrong_camera(label: str, k: int, rng: np.random.Generator) -> Scenario:
         else:
             view = word
     return session(
+        rng,
         ground=road(k),
         camera=_lens(rng, view, **camera),
         flight=ScenarioFlight(height_m=float(rng.uniform(36.0, 50.0)), yaw_deg=float(rng.uniform(0.0, 360.0))),
-        gnss=gnss(rng),
-        attitude=slight(rng),
         declared=ScenarioDeclared(**wrong),  # type: ignore[arg-type]
     )
 
@@ -141,6 +132,7 @@ def altitudes(label: str, k: int, rng: np.random.Generator) -> Scenario:
     above = next((float(part) for part in rest if not part.endswith("°")), 0.0)
     wild = first == "contradict"
     return session(
+        rng,
         ground=road(k),
         camera=_lens(rng, view),
         flight=ScenarioFlight(height_m=float(rng.uniform(45.0, 65.0)), takeoff_above_m=above),
@@ -150,7 +142,6 @@ def altitudes(label: str, k: int, rng: np.random.Generator) -> Scenario:
             altitude_white_m=100.0 if wild else 0.3,
             altitude_datum_m=0.0 if wild else float(first) + float(rng.normal(0.0, 3.0)),
         ),
-        attitude=slight(rng),
     )
 
 
@@ -172,6 +163,7 @@ def hill(label: str, k: int, rng: np.random.Generator) -> Scenario:
         ground["kind"] = "open"
     view = next((part for part in rest if part.endswith("°")), "nadir")
     return session(
+        rng,
         duration_s=30.0,
         ground=road(k, **ground),
         camera=_lens(rng, view),
@@ -183,7 +175,6 @@ def hill(label: str, k: int, rng: np.random.Generator) -> Scenario:
             altitude_bias_m=1.5,
             altitude_white_m=0.3,
         ),
-        attitude=slight(rng),
     )
 
 
@@ -204,11 +195,10 @@ def zoom(label: str, k: int, rng: np.random.Generator) -> Scenario:
     at_s = np.cumsum(rng.uniform(6.0, 9.0, len(factors))).tolist()
     zooms = tuple(Zoom(at_s=at, factor=factor) for at, factor in zip(at_s, factors, strict=True))
     return session(
+        rng,
         ground=road(k),
         camera=ScenarioCamera(pitch_deg=float(rest[0].rstrip("°")) if rest else -90.0, zooms=zooms),
         flight=ScenarioFlight(height_m=float(rng.uniform(40.0, 60.0))),
-        gnss=gnss(rng),
-        attitude=slight(rng),
     )
 
 
@@ -217,6 +207,7 @@ def _undescribed(label: str, k: int, rng: np.random.Generator, errors: float) ->
     focal = 960.0 / math.tan(math.radians(float(across.rstrip("°"))) / 2.0)
     turned = next((float(part.rstrip("°")) for part in rest if part.endswith("°")), 0.0)
     return session(
+        rng,
         ground=road(k, vehicles=int(vehicles), outside=int(rng.integers(0, 3))),
         camera=ScenarioCamera(
             fx=focal,

@@ -4,6 +4,9 @@ from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
+
+from sim.world.error_draws import gnss, slight
 from sim.world.scenario import Scenario, ScenarioGround
 
 DURATION_S = 36.0
@@ -11,9 +14,13 @@ FROM_THE_START_S = -60.0
 """Start of a fault that lasts for the whole flight, s: before the first telemetry."""
 
 
-def session(**parts: Any) -> Scenario:  # noqa: ANN401 - the fields of a scenario
-    """A scenario of the suite's length and frame rate."""
-    return Scenario(**({"duration_s": DURATION_S, "fps": 10.0} | parts))
+def session(rng: np.random.Generator, **parts: Any) -> Scenario:  # noqa: ANN401 - the fields of a scenario
+    """A scenario of the suite's length and frame rate; errors of positions and attitude, if not given, are drawn."""
+    ordinary = {"duration_s": DURATION_S, "fps": 10.0}
+    for name, draw in (("gnss", gnss), ("attitude", slight)):
+        if name not in parts:
+            parts[name] = draw(rng)
+    return Scenario(**(ordinary | parts))
 
 
 def road(k: int, *, vehicles: int = 7, **parts: Any) -> ScenarioGround:  # noqa: ANN401 - the fields of a ground

@@ -42,6 +42,7 @@ def messy(label: str, k: int, rng: np.random.Generator) -> Scenario:
     ground, strangers = (_lanes(vehicles=6), 18) if "lanes" in label else (road(k), 3)
     pitch_deg = float(label.split()[-1].rstrip("°")) if "°" in label else -90.0
     return session(
+        rng,
         ground=ground,
         camera=ScenarioCamera(pitch_deg=pitch_deg),
         flight=ScenarioFlight(height_m=float(rng.uniform(45.0, 60.0)), yaw_sway_deg=8.0),
@@ -68,10 +69,10 @@ def crowded_hard(k: int, rng: np.random.Generator) -> Scenario:
 def _crowded(label: str, strangers: int, rng: np.random.Generator) -> Scenario:
     miss, bursts = 1.0 - float(label.split(",")[0].split()[1]), 2.0 if "bursts" in label else 0.0
     return session(
+        rng,
         ground=_lanes(vehicles=5),
         flight=ScenarioFlight(height_m=60.0),
         gnss=gnss(rng, bias=1.5 if "bias" in label else 0.8),
-        attitude=slight(rng),
         detector=ScenarioDetector(miss=miss, bursts_per_min=bursts),
         targets=Targets(lookalikes=strangers),
     )
@@ -83,6 +84,7 @@ def late(label: str, k: int, rng: np.random.Generator) -> Scenario:
     ground = road(k % 2)
     uav_lag_s = size.get("UAV", 0.0)
     return session(
+        rng,
         ground=ground,
         flight=ScenarioFlight(height_m=50.0, drift_mps=4.0 if uav_lag_s else 0.0, roam_m=12.0 if uav_lag_s else 0.0),
         gnss=gnss(rng),
@@ -104,6 +106,7 @@ def two_boxes(label: str, k: int, rng: np.random.Generator) -> Scenario:
     length, *rest = label.split(", ")
     length_m = float(length.split()[0])
     return session(
+        rng,
         ground=road(k, length_m=length_m, width_m=0.38 * length_m, spacing_m=2.0 * length_m),
         camera=ScenarioCamera(pitch_deg=-50.0 if "-50°" in rest else -90.0),
         flight=ScenarioFlight(height_m=float(rng.uniform(45.0, 60.0))),
@@ -121,11 +124,11 @@ def bays(label: str, k: int, rng: np.random.Generator) -> Scenario:
     apart, *rest = label.split(", ")
     strangers = {"two strangers": 2, "six strangers": 6}.get(rest[0], 0) if rest else 0
     return session(
+        rng,
         ground=ScenarioGround(
             kind="bays", vehicles=7, spacing_m=float(apart.split()[0]), length_m=4.2, width_m=1.8, height_m=1.4
         ),
         gnss=gnss(rng, bias=float(rng.uniform(0.4, 0.9))),
-        attitude=slight(rng),
         detector=ScenarioDetector(never_found=1 if "one never found" in rest else 0),
         targets=Targets(lookalikes=strangers),
     )
@@ -143,9 +146,8 @@ def missing(label: str, k: int, rng: np.random.Generator) -> Scenario:
         for vehicle, kind in zip(rng.choice(7, len(kinds), replace=False), kinds, strict=True)
     )
     return session(
+        rng,
         ground=road(k),
-        gnss=gnss(rng),
-        attitude=slight(rng),
         detector=ScenarioDetector(miss=0.05, miss_run_s=1.5),
         targets=Targets(moving=2, lookalikes=2),
         faults=faults,

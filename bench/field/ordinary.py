@@ -51,38 +51,37 @@ UNLIKE_HARD = ("tau 10 s and steps", "slope 5°, oblique", "merged and look-alik
 
 def nominal(k: int, rng: np.random.Generator) -> Scenario:
     errors = standard_errors(rng)
-    return session(ground=road(k), gnss=errors.gnss, attitude=errors.attitude)
+    return session(rng, ground=road(k), gnss=errors.gnss, attitude=errors.attitude)
 
 
 def paper_noise(k: int, rng: np.random.Generator) -> Scenario:
     """White noise alone, six in view and one outside, positions ten times a second."""
     kind, sigma, _, yaw = VIEWS[k].split()
     return session(
+        rng,
         ground=ScenarioGround(
             kind="straight" if kind == "straight" else "curved", vehicles=6, outside=1, bend_deg=35.0
         ),
         flight=ScenarioFlight(height_m=48.0, yaw_deg=float(yaw.rstrip("°"))),
         gnss=gnss(rng, white=float(sigma), bias=0.0),
-        attitude=slight(rng),
         timing=ScenarioTiming(rate_min_hz=10.0, rate_max_hz=10.0),
     )
 
 
 def corr_gnss(k: int, rng: np.random.Generator) -> Scenario:
-    return session(ground=road(k), gnss=gnss(rng, bias=BIASES_M[k]), attitude=slight(rng))
+    return session(rng, ground=road(k), gnss=gnss(rng, bias=BIASES_M[k]))
 
 
 def attitude(k: int, rng: np.random.Generator) -> Scenario:
     """Compass 10-15°, tilt 1-2°, the UAV's position and height 1.5 m off."""
     return session(
-        ground=road(k),
-        gnss=gnss(rng, uav_bias_m=1.5, height_bias_m=signed(rng, 1.5, 1.5)),
-        attitude=_tilted(rng),
+        rng, ground=road(k), gnss=gnss(rng, uav_bias_m=1.5, height_bias_m=signed(rng, 1.5, 1.5)), attitude=_tilted(rng)
     )
 
 
 def timing(k: int, rng: np.random.Generator) -> Scenario:
     return session(
+        rng,
         ground=road(k),
         gnss=gnss(rng),
         attitude=slight(rng),
@@ -99,6 +98,7 @@ def timing(k: int, rng: np.random.Generator) -> Scenario:
 
 def false_positives(k: int, rng: np.random.Generator) -> Scenario:
     return session(
+        rng,
         ground=road(k),
         gnss=gnss(rng),
         attitude=slight(rng),
@@ -109,13 +109,13 @@ def false_positives(k: int, rng: np.random.Generator) -> Scenario:
 
 def occlusion(k: int, rng: np.random.Generator) -> Scenario:
     bursts = ScenarioDetector(bursts_per_min=4.0, burst_min_s=1.0, burst_max_s=4.0)
-    return session(ground=road(k), gnss=gnss(rng), attitude=slight(rng), detector=bursts)
+    return session(rng, ground=road(k), detector=bursts)
 
 
 def in_out(k: int, rng: np.random.Generator) -> Scenario:
     """The UAV roams about the fleet, or the fleet drives about a field wider than the frame."""
     flight = ScenarioFlight() if k % 3 == 2 else ScenarioFlight(roam_m=26.0)
-    return session(ground=road(k, area_m=(90.0, 50.0)), flight=flight, gnss=gnss(rng), attitude=slight(rng))
+    return session(rng, ground=road(k, area_m=(90.0, 50.0)), flight=flight)
 
 
 def hard_geometry(k: int, rng: np.random.Generator) -> Scenario:
@@ -123,16 +123,16 @@ def hard_geometry(k: int, rng: np.random.Generator) -> Scenario:
     errors = {"gnss": gnss(rng, bias=0.6), "attitude": slight(rng)}
     if FORMATIONS[k] == "3 + person":
         few = ScenarioGround(kind="open", vehicles=3, area_m=(30.0, 16.0))
-        return session(ground=few, targets=Targets(persons=1), flight=ScenarioFlight(height_m=39.0), **errors)
+        return session(rng, ground=few, targets=Targets(persons=1), flight=ScenarioFlight(height_m=39.0), **errors)
     if FORMATIONS[k] == "parked":
-        return session(ground=ScenarioGround(kind="parked", vehicles=7, spacing_m=6.0), **errors)
+        return session(rng, ground=ScenarioGround(kind="parked", vehicles=7, spacing_m=6.0), **errors)
     ground = ScenarioGround(
         kind="formation",
         formation=("line", "column", "wedge", "grid")[k],
         vehicles=9 if k == 3 else 5,
         spacing_m=float(rng.uniform(5.0, 8.0)),
     )
-    return session(ground=ground, flight=ScenarioFlight(height_m=48.0), **errors)
+    return session(rng, ground=ground, flight=ScenarioFlight(height_m=48.0), **errors)
 
 
 def oblique(k: int, rng: np.random.Generator) -> Scenario:
@@ -146,22 +146,22 @@ def oblique(k: int, rng: np.random.Generator) -> Scenario:
     }
     area = (30.0, 18.0)
     return session(
+        rng,
         ground=road(k, vehicles=6, area_m=area),
         camera=camera.get(k, ScenarioCamera()),
         flight=flight.get(k, ScenarioFlight(height_m=45.0)),
-        gnss=gnss(rng),
-        attitude=slight(rng),
     )
 
 
 def scale(k: int, rng: np.random.Generator) -> Scenario:
     n = CROWDS[k]
     ground = ScenarioGround(kind=("straight", "curved")[k % 2], vehicles=n, lanes=4, spacing_m=8.0, bend_deg=30.0)
-    return session(ground=ground, flight=ScenarioFlight(height_m=35.0 + n), gnss=gnss(rng), attitude=slight(rng))
+    return session(rng, ground=ground, flight=ScenarioFlight(height_m=35.0 + n))
 
 
 def no_heading(k: int, rng: np.random.Generator) -> Scenario:
     return session(
+        rng,
         ground=road(k),
         gnss=gnss(rng),
         attitude=slight(rng, ugv_heading_missing=True),
@@ -176,13 +176,13 @@ def bad_telemetry(k: int, rng: np.random.Generator) -> Scenario:
     stop = start + 10.0 if FAULTS[k].endswith("back") or kind == "zero" else 1e9
     vehicle, other = (int(v) for v in rng.choice(7, 2, replace=False))
     faults = (ScenarioFault(vehicle=vehicle, kind=kind, start_s=start, stop_s=stop, other=other),)  # type: ignore[arg-type]
-    return session(ground=road(k), gnss=gnss(rng), attitude=slight(rng), faults=faults)
+    return session(rng, ground=road(k), faults=faults)
 
 
 def pose_free(k: int, rng: np.random.Generator) -> Scenario:
     """The UAV reports its position and neither attitude nor gimbal."""
     flight = ScenarioFlight(height_m=48.0, yaw_deg=float(rng.uniform(0.0, 360.0)))
-    return session(ground=road(k), gnss=gnss(rng), attitude=slight(rng, missing=True), flight=flight)
+    return session(rng, ground=road(k), gnss=gnss(rng), attitude=slight(rng, missing=True), flight=flight)
 
 
 def unmodelled(k: int, rng: np.random.Generator) -> Scenario:
@@ -198,10 +198,7 @@ def unmodelled(k: int, rng: np.random.Generator) -> Scenario:
         5: ScenarioDetector(pixel_noise=4.0, angle_noise_deg=8.0, flip=0.05),
     }
     return session(
-        ground=ground.get(k, road(k)),
-        gnss=errors.get(k, gnss(rng)),
-        attitude=slight(rng),
-        detector=detector.get(k, ScenarioDetector()),
+        rng, ground=ground.get(k, road(k)), gnss=errors.get(k, gnss(rng)), detector=detector.get(k, ScenarioDetector())
     )
 
 
@@ -209,6 +206,7 @@ def nominal_hard(k: int, rng: np.random.Generator) -> Scenario:
     """Everything wrong at once."""
     errors = hard_errors(rng)
     return session(
+        rng,
         ground=road(k),
         gnss=errors.gnss,
         attitude=errors.attitude,
@@ -223,18 +221,19 @@ def paper_noise_hard(k: int, rng: np.random.Generator) -> Scenario:
     kind, sigma, _ = DENSE[k].split()
     road_kind = "straight" if kind == "straight" else "curved"
     ground = ScenarioGround(kind=road_kind, vehicles=9, lanes=2, spacing_m=6.0, bend_deg=35.0)  # type: ignore[arg-type]
-    return session(ground=ground, gnss=gnss(rng, white=float(sigma), bias=0.0), attitude=slight(rng))
+    return session(rng, ground=ground, gnss=gnss(rng, white=float(sigma), bias=0.0))
 
 
 def corr_gnss_hard(k: int, rng: np.random.Generator) -> Scenario:
     _, n, bias = CLOSE[k]
     ground = road(k, vehicles=n, lanes=3, spacing_m=18.0, lane_changes_per_min=4.0, area_m=(70.0, 38.0))
-    return session(ground=ground, flight=ScenarioFlight(height_m=58.0), gnss=gnss(rng, bias=bias), attitude=slight(rng))
+    return session(rng, ground=ground, flight=ScenarioFlight(height_m=58.0), gnss=gnss(rng, bias=bias))
 
 
 def attitude_hard(k: int, rng: np.random.Generator) -> Scenario:
     """As the standard version with three or four vehicles to find the pose by, and the UAV 3 m off."""
     return session(
+        rng,
         ground=road(k, vehicles=3 if k == 0 else 4),
         gnss=gnss(rng, uav_bias_m=3.0, height_bias_m=signed(rng, 1.5, 1.5)),
         attitude=_tilted(rng),
@@ -250,7 +249,7 @@ def timing_hard(k: int, rng: np.random.Generator) -> Scenario:
         rate_max_hz=2.0,
         loss=0.2,
     )
-    return session(ground=road(k), gnss=gnss(rng), attitude=slight(rng), timing=late)
+    return session(rng, ground=road(k), timing=late)
 
 
 def false_positives_hard(k: int, rng: np.random.Generator) -> Scenario:
@@ -258,12 +257,13 @@ def false_positives_hard(k: int, rng: np.random.Generator) -> Scenario:
     ground = road(k, spacing_m=11.0, area_m=(56.0, 32.0))
     alike = Targets(lookalikes=3 + k % 2)
     flight = ScenarioFlight(height_m=50.0)
-    return session(ground=ground, flight=flight, gnss=gnss(rng, bias=2.0), attitude=slight(rng), targets=alike)
+    return session(rng, ground=ground, flight=flight, gnss=gnss(rng, bias=2.0), targets=alike)
 
 
 def occlusion_hard(k: int, rng: np.random.Generator) -> Scenario:
     starts = rng.uniform(4.0, 8.0) + np.arange(3) * rng.uniform(8.0, 9.5)
     return session(
+        rng,
         ground=road(k),
         gnss=gnss(rng),
         attitude=slight(rng),
@@ -278,10 +278,10 @@ def in_out_hard(k: int, rng: np.random.Generator) -> Scenario:
         queue = ScenarioGround(kind="curved", vehicles=7, lanes=2, spacing_m=8.0, bend_deg=35.0)
         errors = gnss(rng, bias=2.0)
         flight, alike = ScenarioFlight(roam_m=26.0), Targets(lookalikes=3)
-        return session(ground=queue, flight=flight, gnss=errors, attitude=slight(rng), targets=alike)
+        return session(rng, ground=queue, flight=flight, gnss=errors, targets=alike)
     field = ScenarioGround(kind="open", vehicles=12, area_m=(110.0, 60.0))
     alike = Targets(lookalikes=3 if k == 2 else 0)
-    return session(ground=field, gnss=gnss(rng, bias=1.0), attitude=slight(rng), targets=alike)
+    return session(rng, ground=field, gnss=gnss(rng, bias=1.0), targets=alike)
 
 
 def hard_geometry_hard(k: int, rng: np.random.Generator) -> Scenario:
@@ -294,7 +294,7 @@ def hard_geometry_hard(k: int, rng: np.random.Generator) -> Scenario:
         spacing_m=float(spacing),
     )
     targets = Targets(persons=1 if k == 4 else 0)
-    return session(ground=ground, gnss=gnss(rng, bias=TIGHT_BIAS_M[k]), attitude=slight(rng), targets=targets)
+    return session(rng, ground=ground, gnss=gnss(rng, bias=TIGHT_BIAS_M[k]), targets=targets)
 
 
 def oblique_hard(k: int, rng: np.random.Generator) -> Scenario:
@@ -303,9 +303,7 @@ def oblique_hard(k: int, rng: np.random.Generator) -> Scenario:
     flight = ScenarioFlight(height_m=40.0, yaw_rate_dps=(6.0, 20.0, 12.0)[k])
     ground = road(k + 1, vehicles=6, area_m=(24.0, 14.0), spacing_m=7.0)
     targets = Targets(still=1, moving=1)
-    return session(
-        ground=ground, camera=camera, flight=flight, gnss=gnss(rng, bias=1.0), attitude=slight(rng), targets=targets
-    )
+    return session(rng, ground=ground, camera=camera, flight=flight, gnss=gnss(rng, bias=1.0), targets=targets)
 
 
 def scale_hard(k: int, rng: np.random.Generator) -> Scenario:
@@ -313,15 +311,14 @@ def scale_hard(k: int, rng: np.random.Generator) -> Scenario:
     kind = ("straight", "curved")[k % 2]
     ground = ScenarioGround(kind=kind, vehicles=50, lanes=5, spacing_m=7.0, bend_deg=30.0)  # type: ignore[arg-type]
     alike = Targets(lookalikes=10)
-    return session(
-        ground=ground, flight=ScenarioFlight(height_m=85.0), gnss=gnss(rng), attitude=slight(rng), targets=alike
-    )
+    return session(rng, ground=ground, flight=ScenarioFlight(height_m=85.0), targets=alike)
 
 
 def no_heading_hard(k: int, rng: np.random.Generator) -> Scenario:
     """A column with errors of 2 m, no heading known."""
     ground = ScenarioGround(kind="formation", formation="column", vehicles=6, spacing_m=(8.0, 9.0, 10.0)[k])
     return session(
+        rng,
         ground=ground,
         flight=ScenarioFlight(height_m=44.0),
         gnss=gnss(rng, bias=2.0),
@@ -341,7 +338,7 @@ def bad_telemetry_hard(k: int, rng: np.random.Generator) -> Scenario:
             ScenarioFault(vehicle=a, kind="jump", start_s=start),
             ScenarioFault(vehicle=b, kind="frozen", start_s=start + 4.0),
         )
-    return session(ground=road(k), gnss=gnss(rng), attitude=slight(rng), faults=faults)
+    return session(rng, ground=road(k), faults=faults)
 
 
 def pose_free_hard(k: int, rng: np.random.Generator) -> Scenario:
@@ -349,25 +346,25 @@ def pose_free_hard(k: int, rng: np.random.Generator) -> Scenario:
     errors = {"gnss": gnss(rng, bias=0.8), "attitude": slight(rng, missing=True)}
     if k == 2:
         line = ScenarioGround(kind="formation", formation="line", vehicles=5, spacing_m=6.0)
-        return session(ground=line, flight=ScenarioFlight(height_m=48.0, yaw_deg=yaw), **errors)
+        return session(rng, ground=line, flight=ScenarioFlight(height_m=48.0, yaw_deg=yaw), **errors)
     flight = ScenarioFlight(height_m=48.0, yaw_deg=yaw, yaw_rate_dps=6.0 if k == 1 else 0.0, tilt_sway_deg=2.5)
     camera = ScenarioCamera(mount="fixed") if k == 3 else ScenarioCamera()
     targets = Targets(moving=1) if k == 0 else Targets()
-    return session(ground=road(1, vehicles=6), flight=flight, camera=camera, targets=targets, **errors)
+    return session(rng, ground=road(1, vehicles=6), flight=flight, camera=camera, targets=targets, **errors)
 
 
 def unmodelled_hard(k: int, rng: np.random.Generator) -> Scenario:
     if k == 0:
         errors = gnss(rng, bias=2.0, tau_s=10.0, steps_per_min=2.0, step_m=2.0)
-        return session(ground=road(1), gnss=errors, attitude=slight(rng))
+        return session(rng, ground=road(1), gnss=errors)
     if k == 1:
         slope = road(0, vehicles=6, slope_deg=5.0, uphill_deg=float(rng.uniform(0.0, 360.0)))
         oblique_camera = ScenarioCamera(pitch_deg=-50.0)
-        return session(ground=slope, camera=oblique_camera, gnss=gnss(rng, bias=1.0), attitude=slight(rng))
+        return session(rng, ground=slope, camera=oblique_camera, gnss=gnss(rng, bias=1.0))
     return session(
+        rng,
         ground=road(1, lane_width_m=2.4),
         gnss=gnss(rng, bias=1.5),
-        attitude=slight(rng),
         detector=ScenarioDetector(merge_lengths=1.2),
         targets=Targets(lookalikes=2),
     )

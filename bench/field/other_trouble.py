@@ -42,10 +42,10 @@ OTHER_ERRORS_HARD = ("mixed 1", "mixed 2", "mixed 3", "mixed 4", "mixed 5", "mix
 def smooth(k: int, rng: np.random.Generator) -> Scenario:
     """Reports of autopilots' filters, whose errors are slow and hardly noisy, as often as autopilots send them."""
     return session(
+        rng,
         ground=road(k),
         flight=ScenarioFlight(height_m=float(rng.uniform(38.0, 55.0))),
         gnss=_filtered(rng),
-        attitude=slight(rng),
         timing=_rates(SMOOTH[k]),
     )
 
@@ -67,6 +67,7 @@ def smooth_hard(k: int, rng: np.random.Generator) -> Scenario:
         else:
             timing = replace(timing, attitude_hz=float(rng.uniform(5.0, 8.0)))
     return session(
+        rng,
         ground=road(k),
         camera=ScenarioCamera(pitch_deg=pitch),
         flight=ScenarioFlight(height_m=float(rng.uniform(38.0, 55.0))),
@@ -98,7 +99,7 @@ def spoofers(k: int, rng: np.random.Generator) -> Scenario:
     if ground.outside:
         liar = ground.vehicles
     faults = (_lie("copy" if "copy" in label else "spoof", liar, other, delay),)
-    return session(ground=ground, gnss=gnss(rng), attitude=slight(rng), faults=faults)
+    return session(rng, ground=ground, faults=faults)
 
 
 def spoofers_hard(k: int, rng: np.random.Generator) -> Scenario:
@@ -112,7 +113,7 @@ def spoofers_hard(k: int, rng: np.random.Generator) -> Scenario:
     pairs = {"two of one": ((a, b), (c, b)), "two pairs": ((a, b), (c, d))}.get(label, ((a, b),))
     faults = tuple(_lie(kind, liar, other, 1.5 if "delay" in label else 0.0) for liar, other in pairs)
     errors = gnss(rng, bias=1.5) if "bias" in label else gnss(rng)
-    return session(ground=ground, gnss=errors, attitude=slight(rng), faults=faults)
+    return session(rng, ground=ground, gnss=errors, faults=faults)
 
 
 def _lie(kind: str, liar: int, other: int, delay_s: float) -> ScenarioFault:
@@ -124,7 +125,7 @@ def unrelated(k: int, rng: np.random.Generator) -> Scenario:
     label = FILMS[k]
     kinds = {"curved, straight": 1, "open, curved": 2, "straight, open": 0}
     camera = ScenarioCamera(pitch_deg=-50.0) if label == "oblique" else ScenarioCamera()
-    return session(ground=road(kinds.get(label, k % 3)), camera=camera, gnss=gnss(rng), attitude=slight(rng))
+    return session(rng, ground=road(kinds.get(label, k % 3)), camera=camera)
 
 
 def unrelated_film(k: int, flown: Scenario, rng: np.random.Generator) -> Scenario:
@@ -144,7 +145,7 @@ def unrelated_hard(k: int, rng: np.random.Generator) -> Scenario:
         "three vehicles": road(k, vehicles=3),
     }.get(label, road(k))
     errors = gnss(rng, bias=2.0) if "bias" in label else gnss(rng)
-    return session(ground=ground, gnss=errors, attitude=slight(rng, missing="no attitude" in label))
+    return session(rng, ground=ground, gnss=errors, attitude=slight(rng, missing="no attitude" in label))
 
 
 def unrelated_film_hard(k: int, flown: Scenario, rng: np.random.Generator) -> Scenario:
@@ -181,13 +182,7 @@ def other_errors(k: int, rng: np.random.Generator) -> Scenario:
         timing = ScenarioTiming(latency_s=0.3, jitter_s=0.15, uav_lag_s=float(rng.uniform(0.1, 0.25)))
     elif label == "uneven":
         timing = ScenarioTiming(frame_jitter_s=0.02, frame_loss=0.2, irregular=0.9, rate_min_hz=1.0, rate_max_hz=3.0)
-    return session(
-        ground=road(k),
-        gnss=gnss(rng, **errors.get(label, {})),
-        attitude=slight(rng),
-        detector=detector,
-        timing=timing,
-    )
+    return session(rng, ground=road(k), gnss=gnss(rng, **errors.get(label, {})), detector=detector, timing=timing)
 
 
 def other_errors_hard(k: int, rng: np.random.Generator) -> Scenario:
@@ -225,6 +220,7 @@ def other_errors_hard(k: int, rng: np.random.Generator) -> Scenario:
     )
     focal = float(rng.uniform(900.0, 1500.0))
     return session(
+        rng,
         ground=road(k, vehicles=int(rng.integers(4, 10)), speed_mps=float(rng.uniform(1.5, 6.0))),
         camera=ScenarioCamera(fx=focal, fy=focal, distortion=(float(rng.uniform(-0.15, 0.02)), 0.02, 0.0, 0.0, 0.0)),
         flight=ScenarioFlight(height_m=float(rng.uniform(34.0, 55.0)), yaw_deg=float(rng.uniform(0.0, 360.0))),
