@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import argparse
 import math
-import multiprocessing
 import os
 import tempfile
 import threading
@@ -19,7 +18,7 @@ from collections import Counter
 from dataclasses import dataclass
 from pathlib import Path
 
-from bench.receiving.senders import FLOODER, send_fleet, send_flood
+from bench.receiving.senders import FLOODER, send_fleet, send_flood, start_sender
 from infra.markdown import markdown_table
 from mavlink.ingest.health import IngestHealth
 from mavlink.ingest.ingest import Ingest
@@ -68,12 +67,8 @@ def run(case: FloodCase, seconds: float, folder: Path) -> FloodResult:
     busy = [threading.Thread(target=_spin, args=(stop,), daemon=True) for _ in range(case.busy)]
     for thread in busy:
         thread.start()
-    spawn = multiprocessing.get_context("spawn")
-    ours, theirs = spawn.Pipe()
-    fleet = spawn.Process(target=send_fleet, args=(port, VEHICLES, case.rate, seconds, theirs))
-    fleet.start()
-    flood_ours, flood_theirs = spawn.Pipe()
-    flood = spawn.Process(target=send_flood, args=(port, case.flood, seconds - FLOOD_AFTER_S, flood_theirs))
+    senders = [start_sender(send_fleet, port, VEHICLES, case.rate, seconds)]
+    fleet, _ = senders[0]
     flood_at = time.monotonic() + FLOOD_AFTER_S if case.flood else math.inf
     taken: Counter[int] = Counter()
     delays: list[int] = []
@@ -82,7 +77,7 @@ def run(case: FloodCase, seconds: float, folder: Path) -> FloodResult:
     while time.monotonic() < ends and (fleet.is_alive() or time.monotonic() - quiet_s < _SETTLE_S):
         packets = ingest.read(0.2)
         if time.monotonic() > flood_at and taken:
-            flood.start()
+            senders.append(start_sender(send_flood, port, case.flood, seconds - FLOOD_AFTER_S))
             flood_at = math.inf
         now_us = time.time_ns() // 1000
         taken.update(packet.system_id for packet in packets)
@@ -90,18 +85,17 @@ def run(case: FloodCase, seconds: float, folder: Path) -> FloodResult:
             delays += [now_us - packet.t_us for packet in packets[:1]]
             quiet_s = time.monotonic() if any(p.system_id <= VEHICLES for p in packets) else quiet_s
     stop.set()
-    sent = sum(ours.recv())
-    flooded = int(flood_ours.recv()) if case.flood else 0
-    for process in [fleet] + [flood] * bool(case.flood):
+    sent, *flooded = (counts.recv() for _, counts in senders)
+    for process, _ in senders:
         process.join()
     ingest.stop()
     logged = Counter(Tlog.open(log).index.system_id.tolist())
     delays.sort()
     return FloodResult(
-        sent=sent,
+        sent=sum(sent),
         logged=sum(count for system_id, count in logged.items() if system_id <= VEHICLES),
         taken=sum(count for system_id, count in taken.items() if system_id <= VEHICLES),
-        flooded=flooded,
+        flooded=sum(flooded),
         let_in=logged[FLOODER],
         health=(health := ingest.health()),
         cpu_us=(health.cpu_s - before.cpu_s) * 1e6 / max(health.packets, 1),

@@ -12,7 +12,6 @@ from __future__ import annotations
 
 import argparse
 import json
-import multiprocessing
 import os
 import random
 import tempfile
@@ -23,7 +22,7 @@ from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 
-from bench.receiving.senders import fleet_frames, send_fleet, send_flood
+from bench.receiving.senders import fleet_frames, send_fleet, send_flood, start_sender
 from bench.station import CAMERA, FLY, FlyingStation, mission_text
 from infra.files.segment import segments
 from infra.markdown import markdown_table
@@ -91,30 +90,21 @@ class ClaimResult:
 
 def run(case: ClaimCase, seconds: float, folder: Path) -> ClaimResult:
     """One attack."""
-    spawn, port = multiprocessing.get_context("spawn"), free_port()
-    ports = [free_port() for _ in range(VEHICLES)]
+    port, ports = free_port(), [free_port() for _ in range(VEHICLES)]
     secrets = [random.Random(k).randbytes(32) for k in range(VEHICLES)] if case.keys else []
     with ExitStack() as stack:
         session = _fly(stack, folder, port, secrets)
-        ours, theirs = spawn.Pipe()
-        options = {"ports": ports, "keys": secrets}
-        fleet = spawn.Process(target=send_fleet, args=(port, VEHICLES, RATE, seconds, theirs), kwargs=options)
-        fleet.start()
+        fleet, counts = start_sender(send_fleet, port, VEHICLES, RATE, seconds, ports=ports, keys=secrets)
         time.sleep(BEFORE_S)
         flood_s = seconds - BEFORE_S - AFTER_S
         floods = []
         for k, kind in enumerate(case.kinds):
-            counts_receiver, counts_sender = spawn.Pipe()
-            more = {"datagrams": _datagrams(kind), "sources": case.sources, "own": 0}
-            more["own"] = ports[CLAIMED - 1] if case.spoofed and k == 0 else 0
-            flood = spawn.Process(
-                target=send_flood, args=(port, FLOOD / len(case.kinds), flood_s, counts_sender), kwargs=more
-            )
-            flood.start()
-            floods.append((flood, counts_receiver))
+            own = ports[CLAIMED - 1] if case.spoofed and k == 0 else 0
+            more = {"datagrams": _datagrams(kind), "sources": case.sources, "own": own}
+            floods.append(start_sender(send_flood, port, FLOOD / len(case.kinds), flood_s, **more))
         began_us = time.time_ns() // 1000
-        sent = ours.recv()
-        flooded = sum(counts_receiver.recv() for _, counts_receiver in floods)
+        sent = counts.recv()
+        flooded = sum(of_it.recv() for _, of_it in floods)
         for process in (fleet, *(flood for flood, _ in floods)):
             process.join()
         time.sleep(5.0)

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import ctypes
+import multiprocessing
 import random
 import socket
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from multiprocessing.connection import Connection
+from multiprocessing.context import SpawnProcess
 
 from mavlink.links.recvmmsg import _Header, _IoVec
 from mavlink.protocol.encoder import MavlinkEncoder
@@ -18,6 +20,15 @@ FLOODER = 200
 """System id that the flood's well-made frames carry."""
 _STEP_S = 0.01
 _BATCH = 64
+
+
+def start_sender(send: Callable[..., None], *arguments: object, **options: object) -> tuple[SpawnProcess, Connection]:
+    """A process of a sender, started, and what brings its counts."""
+    spawn = multiprocessing.get_context("spawn")
+    ours, theirs = spawn.Pipe()
+    process = spawn.Process(target=send, args=(*arguments, theirs), kwargs=options)
+    process.start()
+    return process, ours
 
 
 def fleet_frames(system_id: int) -> list[bytes]:
