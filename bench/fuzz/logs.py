@@ -9,7 +9,7 @@ from __future__ import annotations
 import random
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,13 +24,12 @@ _FOREIGN = -1
 
 @dataclass(slots=True)
 class Marked:
-    """A log's bytes (size,) and, for each, the record it is of, its place in it, and whether it was changed."""
+    """A log's bytes (size,) and, for each, the record it is of and its place in it."""
 
     data: NDArray[np.uint8]
     record: NDArray[np.int32]
     """−1: a byte of no record."""
     place: NDArray[np.int32]
-    changed: NDArray[np.bool_]
     width: int
     """Bytes of a stamp."""
 
@@ -40,7 +39,7 @@ class Marked:
 
     def part(self, start: int, stop: int) -> Marked:
         span = slice(start, stop)
-        return Marked(self.data[span], self.record[span], self.place[span], self.changed[span], self.width)
+        return Marked(self.data[span], self.record[span], self.place[span], self.width)
 
     def without(self, start: int, stop: int) -> Marked:
         return joined([self.part(0, start), self.part(stop, self.size)])
@@ -50,8 +49,7 @@ class Marked:
 
     def overwritten(self, at: int, data: bytes) -> Marked:
         new = np.frombuffer(data, dtype=np.uint8)[: self.size - at]
-        out = Marked(self.data.copy(), self.record, self.place, self.changed.copy(), self.width)
-        out.changed[at : at + new.size] |= out.data[at : at + new.size] != new
+        out = replace(self, data=self.data.copy())
         out.data[at : at + new.size] = new
         return out
 
@@ -59,18 +57,13 @@ class Marked:
 def foreign(data: bytes, width: int) -> Marked:
     """Bytes that are of no record."""
     none = np.full(len(data), _FOREIGN, dtype=np.int32)
-    return Marked(np.frombuffer(data, dtype=np.uint8), none, none, np.ones(len(data), dtype=np.bool_), width)
+    return Marked(np.frombuffer(data, dtype=np.uint8), none, none, width)
 
 
 def joined(parts: Sequence[Marked]) -> Marked:
     """One after the other."""
-    return Marked(
-        np.concatenate([p.data for p in parts]),
-        np.concatenate([p.record for p in parts]),
-        np.concatenate([p.place for p in parts]),
-        np.concatenate([p.changed for p in parts]),
-        parts[0].width,
-    )
+    data, record, place = (np.concatenate([getattr(p, name) for p in parts]) for name in ("data", "record", "place"))
+    return Marked(data, record, place, parts[0].width)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -125,7 +118,7 @@ def marked_log(truth: MarkedTruth, records: Sequence[int]) -> Marked:
     data = np.frombuffer(b"".join(parts), dtype=np.uint8)
     record = np.repeat(np.asarray(records, dtype=np.int32), sizes)
     place = np.concatenate([np.arange(size, dtype=np.int32) for size in sizes])
-    return Marked(data, record, place, np.zeros(data.size, dtype=np.bool_), truth.width)
+    return Marked(data, record, place, truth.width)
 
 
 HEADER_FIELDS = ("stamp", "magic", "length", "incompat", "compat", "seq", "system", "component", "id", "payload", "end")
