@@ -30,6 +30,10 @@ from vision.track.matching import assign
 from vision.track.tracker import Tracker
 from vision.track.tracks import Stitch, Tracks
 
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+BoolArray = NDArray[np.bool_]
+
 HIGH, LOW, NEW = 0.5, 0.1, 0.6
 FIRST, SECOND, UNCONFIRMED = 0.8, 0.5, 0.7
 BUFFER = 30
@@ -108,7 +112,7 @@ class ByteTrack:
         if not tracks or not len(columns):
             return
         # cost = 1 − IoU · score
-        alike = _iou(np.stack([_box(track) for track in tracks]), boxes[columns])
+        alike = _iou(np.stack([track.x[:4] for track in tracks]), boxes[columns])
         cost = 1.0 - (alike if score is None else alike * score[columns])
         i, j = np.nonzero(cost <= limit)
         rows, taken = assign(i, j, cost[i, j], limit)
@@ -167,28 +171,17 @@ def _aligned(detections: Detections) -> FloatArray:
     return np.column_stack([0.5 * (low + high), size[:, 0] / size[:, 1], size[:, 1]])
 
 
-def _box(track: _KalmanTrack) -> FloatArray:
-    return track.x[:4]
-
-
 def _born(z: FloatArray) -> tuple[FloatArray, FloatArray]:
     h = float(z[3])
-    std = [
-        2 * _PLACE * h,
-        2 * _PLACE * h,
-        1e-2,
-        2 * _PLACE * h,
-        10 * _SPEED * h,
-        10 * _SPEED * h,
-        1e-5,
-        10 * _SPEED * h,
-    ]
+    place, speed = 2 * _PLACE * h, 10 * _SPEED * h
+    std = [place, place, 1e-2, place, speed, speed, 1e-5, speed]
     return np.concatenate([z, np.zeros(4)]), np.diag(np.square(std))
 
 
 def _predict(track: _KalmanTrack) -> None:
     h = float(track.x[3])
-    std = [_PLACE * h, _PLACE * h, 1e-2, _PLACE * h, _SPEED * h, _SPEED * h, 1e-5, _SPEED * h]
+    place, speed = _PLACE * h, _SPEED * h
+    std = [place, place, 1e-2, place, speed, speed, 1e-5, speed]
     if track.lost:
         track.x[7] = 0.0
     # x ← F x,  P ← F P Fᵀ + Q
@@ -214,8 +207,6 @@ def _iou(a: FloatArray, b: FloatArray) -> FloatArray:
     area_a, area_b = 4.0 * np.prod(half_a, axis=1), 4.0 * np.prod(half_b, axis=1)
     return np.asarray(common / (area_a[:, None] + area_b[None] - common))
 
-
-BoolArray = NDArray[np.bool_]
 
 SIGMA_M, SIGMA_DEG = 0.5, 2.0
 
@@ -325,9 +316,6 @@ class Ours(Plain):
         self._named = answer.track_id[answer.system_id > 0].tolist()
 
 
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
-
 WINDOW, HISTORY, EVERY, LOST = 12, 10, 5, 5
 EDGE_S, APART_S = 4.0, 5.0
 HIDDEN_S, TIMES = (1.2, 2.2), 3
@@ -348,18 +336,12 @@ class Kept:
     """Times a track went over to another vehicle."""
 
 
-def occluded_road(seed: int) -> Scenario:
-    """A road with sharp bends."""
-    base = paper_road("curved", 0.0, 100 + seed)
-    return replace(base, name="occluded", ground=replace(base.ground, bend_deg=75.0, bend_length_m=70.0))
-
-
 def occluded_walk(seed: int) -> Walk:
-    """Fly it once; each vehicle is hidden a few times where it turns most."""
-    scenario = occluded_road(seed)
+    """A road with sharp bends, flown once; each vehicle is hidden a few times where it turns most."""
+    base = paper_road("curved", 0.0, 100 + seed)
+    scenario = replace(base, name="occluded", ground=replace(base.ground, bend_deg=75.0, bend_length_m=70.0))
     seen = film(scenario)
-    rng = np.random.default_rng([seed, 13])
-    return walk(scenario, hidden_at_turns(seen.heading, seen.fps, rng))
+    return walk(scenario, hidden_at_turns(seen.heading, seen.fps, np.random.default_rng([seed, 13])))
 
 
 def hidden_at_turns(heading: FloatArray, fps: float, rng: np.random.Generator) -> NDArray[np.bool_]:

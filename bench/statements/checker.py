@@ -7,7 +7,6 @@ import json
 import math
 import re
 import subprocess
-import sys
 from bisect import bisect_right
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -28,6 +27,7 @@ from bench.statements.flights import TrueFlight
 from bench.statements.pages import check_batch, check_report, check_rollcall, printed_remarks
 from bench.statements.screens import check_screens
 from bench.statements.sentences import ADRIFT_S, HOLD_S, LOST_S, SILENT_S, SLACK_S, Said, check_sentence
+from bench.station import FLY
 from gcs.batch.report.overview import batch_page, read_results
 from gcs.batch.stores import open_results
 from gcs.cli.results.report import report
@@ -137,7 +137,6 @@ def _nothing(t_us: int, system_id: int) -> Said:
     return Said(where="alarms", t_us=t_us, text="no alarm", system_id=system_id, standing=True)
 
 
-GCS_WORDS = (sys.executable, "-c", "from gcs.cli.app import main; main()")
 SCREENS = 40
 """Screens of each flight that are drawn."""
 Found = Iterator[tuple[int, Iterable[tuple[Said | Claim, str]]]]
@@ -351,7 +350,7 @@ def _report(flown: TrueFlight, folder: Path) -> Found:
 
 def _batch(flown: TrueFlight, folder: Path) -> Found:
     subprocess.run(
-        [*GCS_WORDS, "batch", "run", str(flown.folder), "-o", str(folder / "batch")], check=True, capture_output=True
+        [*FLY, "batch", "run", str(flown.folder), "-o", str(folder / "batch")], check=True, capture_output=True
     )
     page = batch_page(read_results(open_results(str(folder / "batch"))), "batch")
     yield page.count("<td"), list(check_batch(flown, page, _own(flown)))
