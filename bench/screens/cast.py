@@ -1,4 +1,4 @@
-"""A short recording of the screens for the docs, in asciinema's format, from a replay driven by a script.
+"""A short recording of the screens for the docs, in asciinema's format and as a moving picture, of a scripted replay.
 
     python -m bench.screens.cast docs/rollcall.cast
 
@@ -20,6 +20,7 @@ from pathlib import Path
 
 from rich.color import Color, ColorSystem
 
+from bench.screens.gif import save
 from bench.screens.screen import Cell
 from bench.screens.station import TerminalSession
 
@@ -105,7 +106,7 @@ def _indexed(look: str) -> str:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("out", type=Path, help="file to write")
+    parser.add_argument("out", type=Path, help="file to write; the picture beside it")
     options = parser.parse_args()
     header = {"version": 2, "width": SIZE[0], "height": SIZE[1], "title": "Rollcall: a replay"}
     lines = [json.dumps(header)]
@@ -113,7 +114,8 @@ def main() -> None:
         start = "\x1b[?25l\x1b[2J" if len(lines) == 1 else ""
         lines.append(json.dumps([at_s, "o", start + drawn], ensure_ascii=False))
     options.out.write_text("\n".join(lines) + "\n", encoding="utf-8")
-    print(f"{options.out}: {len(lines) - 1} frames, {options.out.stat().st_size / 1000:.0f} kB")
+    for written in (options.out, save(options.out)):
+        print(f"{written}: {written.stat().st_size / 1000:.0f} kB")
 
 
 if __name__ == "__main__":

@@ -1,15 +1,13 @@
 """The recording of the screens as a moving picture, for pages that play no terminal recordings.
 
-    python -m bench.screens.gif docs/rollcall.cast docs/rollcall.gif
-
 Needs DejaVu Sans Mono, which most Linux systems have.
 """
 
 from __future__ import annotations
 
-import argparse
 import json
 from functools import cache
+from itertools import pairwise
 from pathlib import Path
 from typing import Final
 
@@ -82,27 +80,18 @@ def draw(cells: list[list[Cell]], fonts: dict[bool, ImageFont.FreeTypeFont]) -> 
     return image
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("cast", type=Path, help="recording to read")
-    parser.add_argument("out", type=Path, help="picture to write")
-    options = parser.parse_args()
-    header, *events = map(json.loads, options.cast.read_text(encoding="utf-8").splitlines())
+def save(cast: Path) -> Path:
+    """Write the picture beside the recording."""
+    header, *events = map(json.loads, cast.read_text(encoding="utf-8").splitlines())
     terminal = TerminalScreen(header["width"], header["height"])
     fonts = fonts_of()
-    frames: list[Image.Image] = []
-    times_s: list[float] = []
+    frames, times_s = list[Image.Image](), list[float]()
     for at_s, _, data in events:
         terminal.feed(data.encode())
         if frames or BEGINS in terminal.text:
             frames.append(draw(terminal.cells, fonts).quantize(COLOURS, dither=Image.Dither.NONE))
             times_s.append(at_s)
-    steps_ms = [
-        round(1000 * (after - at)) for at, after in zip(times_s, [*times_s[1:], times_s[-1] + LAST_S], strict=True)
-    ]
-    frames[0].save(options.out, save_all=True, append_images=frames[1:], duration=steps_ms, loop=0, optimize=True)
-    print(f"{options.out}: {len(frames)} frames, {options.out.stat().st_size / 1000:.0f} kB")
-
-
-if __name__ == "__main__":
-    main()
+    steps_ms = [round(1000 * (after - at)) for at, after in pairwise([*times_s, times_s[-1] + LAST_S])]
+    out = cast.with_suffix(".gif")
+    frames[0].save(out, save_all=True, append_images=frames[1:], duration=steps_ms, loop=0, optimize=True)
+    return out
