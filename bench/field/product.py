@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 import time
 from dataclasses import dataclass
@@ -14,7 +13,7 @@ from numpy.typing import NDArray
 from gcs.playback.analysis import Analysis
 from gcs.playback.hindsight import by_hindsight
 from gcs.report.score import Matched, match
-from gcs.session.event_log import EventLog
+from gcs.session.event_log import EventLog, read_events
 from gcs.session.frame_tables import read_times, read_truth
 from gcs.session.identity_log import IdentityLog, read_identity
 from gcs.session.session import open_session
@@ -78,8 +77,7 @@ def identify(folder: Path, out: Path, frame_size: tuple[int, int] | None = None)
     finally:
         analysis.close()
     true, logged = read_truth(folder / "truth.csv"), read_identity(out / "identity.csv")
-    told = [json.loads(line) for line in (out / "events.jsonl").read_text().splitlines()]
-    alarms = [event for event in told if event["level"] == "alarm"]
+    alarms = [event for event in read_events(out / "events.jsonl")[0] if event.level == "alarm"]
     first_us = float(read_times(folder / "frames.csv").times_us[0])
     return ProductRun(
         matched=match(true, logged),
@@ -87,6 +85,6 @@ def identify(folder: Path, out: Path, frame_size: tuple[int, int] | None = None)
         logged=logged,
         wall_ms=np.array(wall),
         cpu_ms=np.array(cpu),
-        accused=frozenset(e["system_id"] for e in alarms if e["kind"] == "identity" and e["system_id"]),
-        mismatch_s=1e-6 * (min((e["time_us"] for e in alarms if MISMATCH in e["text"]), default=math.inf) - first_us),
+        accused=frozenset(e.system_id for e in alarms if e.kind == "identity" and e.system_id),
+        mismatch_s=1e-6 * (min((e.t_us for e in alarms if MISMATCH in e.text), default=math.inf) - first_us),
     )

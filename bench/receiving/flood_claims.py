@@ -11,7 +11,6 @@ is reported late or is said to be over before it is.
 from __future__ import annotations
 
 import argparse
-import json
 import os
 import random
 import tempfile
@@ -24,6 +23,7 @@ from pathlib import Path
 
 from bench.receiving.senders import fleet_frames, send_fleet, send_flood, start_sender
 from bench.station import CAMERA, FLY, FlyingStation, mission_text
+from gcs.session.event_log import read_events
 from infra.files.segment import segments
 from infra.markdown import markdown_table
 from mavlink.protocol.encoder import MavlinkEncoder
@@ -147,9 +147,9 @@ def _result(session: Path, sent: Sequence[int], flooded: int, began_us: int, flo
     owner = {_content(frame): k for k in range(VEHICLES) for frame in fleet_frames(k + 1)}
     logs = [Tlog.open(path) for path in segments(session / "telemetry.tlog")]
     counts = Counter(owner.get(_content(packet.raw), -1) for log in logs for packet in log.packets())
-    rows = [json.loads(line) for line in (session / "events.jsonl").read_text().splitlines()]
-    reported = [((row["time_us"] - began_us) * 1e-6, row["text"]) for row in rows if row["kind"] == "link"]
-    silent = any("no heartbeat" in row["text"] and 0.0 < row["time_us"] - began_us < 1e6 * flood_s for row in rows)
+    rows, _ = read_events(session / "events.jsonl")
+    reported = [((row.t_us - began_us) * 1e-6, row.text) for row in rows if row.kind == "link"]
+    silent = any("no heartbeat" in row.text and 0.0 < row.t_us - began_us < 1e6 * flood_s for row in rows)
     return ClaimResult(
         sent=sent,
         recorded=[counts[k] for k in range(VEHICLES)],

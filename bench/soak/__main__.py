@@ -31,7 +31,9 @@ from numpy.typing import NDArray
 
 from bench.command_line import RESULTS
 from bench.station import CAMERA, FLY, FlyingStation, cost_of, mission_text
+from gcs.session.event_log import read_events
 from infra.files.segment import segments
+from infra.markdown import markdown_table
 from mavlink.tlog.log import Tlog
 from sim.fleet_process import system_ids
 from tests.support.ports import free_port
@@ -156,12 +158,9 @@ class Run:
 def report(run: Run, chosen: argparse.Namespace) -> str:
     """The page, in Markdown."""
     sent, lost = _lost(run)
+    flight = f"{run.sent['seconds'] / 60:.1f} min, {chosen.vehicles} vehicles, {chosen.rate:g} packets a second"
     rows: list[tuple[str, str]] = [
-        (
-            "flight",
-            f"{run.sent['seconds'] / 60:.1f} min, {chosen.vehicles} vehicles, {chosen.rate:g} packets a second, "
-            + (f"video {chosen.video.name}" if chosen.video else "no video"),
-        ),
+        ("flight", f"{flight}, video {chosen.video.name}" if chosen.video else f"{flight}, no video"),
         ("fleet's troubles", " ".join(chosen.fleet) or "none"),
         ("packets sent by vehicles", f"{sent:,}"),
         ("not in the recording", f"{lost:,}"),
@@ -172,10 +171,8 @@ def report(run: Run, chosen: argparse.Namespace) -> str:
     ]
     if run.samples:
         rows += _costs(run.samples)
-    lines = ["# Soak", "", f"`python -m bench.soak {_words(chosen)}`", "", "| | |", "|---|---|"]
-    lines += [f"| {name} | {value} |" for name, value in rows]
-    lines += ["", f"The flight's last words: `{run.last_line.partition(' recorded in ')[0].rstrip(';')}`"]
-    return "\n".join(lines) + "\n"
+    last = f"The flight's last words: `{run.last_line.partition(' recorded in ')[0].rstrip(';')}`"
+    return f"# Soak\n\n`python -m bench.soak {_words(chosen)}`\n\n{markdown_table(('', ''), rows)}\n\n{last}\n"
 
 
 def _words(chosen: argparse.Namespace) -> str:
@@ -267,8 +264,8 @@ def soak(chosen: argparse.Namespace, out: Path) -> Run:
 
 
 def _told(session: Path) -> list[str]:
-    rows = map(json.loads, (session / "events.jsonl").read_text(encoding="utf-8").splitlines())
-    return [row["text"] for row in rows if row["level"] in ("warning", "alarm") and row["kind"] != "text"]
+    events, _ = read_events(session / "events.jsonl")
+    return [event.text for event in events if event.level in ("warning", "alarm") and event.kind != "text"]
 
 
 def _sample(
