@@ -50,11 +50,6 @@ class Packet:
     """Running number of its record in the flight's log, -1 where it is not in one or that is not known."""
 
     @property
-    def version(self) -> int:
-        """1 or 2."""
-        return 2 if self.raw[0] == MAGIC_V2 else 1
-
-    @property
     def seq(self) -> int:
         """Sequence number 0..255, one counter per sender and channel."""
         return self.raw[4] if self.raw[0] == MAGIC_V2 else self.raw[2]

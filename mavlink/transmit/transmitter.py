@@ -11,12 +11,11 @@ UAV is received there, or only other systems are.
 from __future__ import annotations
 
 import threading
-from collections import Counter
 from collections.abc import Callable, Collection, Mapping
 
 from mavlink.errors import LinkError
 from mavlink.protocol.addressing import BROADCAST, target_of
-from mavlink.protocol.dialect import DEFINITIONS, message_name
+from mavlink.protocol.dialect import DEFINITIONS
 from mavlink.protocol.framing import checksum
 from mavlink.protocol.packet import MAGIC_V2, Auth, Packet
 
@@ -81,14 +80,8 @@ class Transmitter:
         self._held: dict[int, tuple[int, int]] = {}
         """Link → peer and time of the UAV's last held packet."""
         self._others: set[int] = set()
-        self._rejected: Counter[str] = Counter()
         self.count = 0
         """Frames that left."""
-
-    @property
-    def rejected(self) -> Mapping[str, int]:
-        """Message name → frames that were not addressed to the UAV and did not leave."""
-        return dict(self._rejected)
 
     @property
     def links(self) -> list[int]:
@@ -122,8 +115,6 @@ class Transmitter:
             Whether it left.
         """
         if not only_to_uav(raw, self._uav):
-            is_v2 = len(raw) >= _SHORTEST_V2 and raw[0] == MAGIC_V2
-            self._rejected[message_name(Packet(0, raw).message_id) if is_v2 else "not MAVLink 2"] += 1
             return False
         with self._lock:
             if link is None:
