@@ -11,6 +11,7 @@ import math
 from collections import deque
 from itertools import islice
 
+from mavlink.protocol.dialect import HEARTBEAT
 from mavlink.protocol.packet import Packet
 
 _SEQUENCE_LATE = 128
@@ -20,7 +21,6 @@ _SEQUENCE_HALF_LIFE = 400.0
 _MAX_SEQUENCES = 32
 """Counters followed for one loss: components times links."""
 
-_HEARTBEAT = 0
 _WINDOW_MS, _MAX_INTERVALS = 30_000, 64
 """Time over which what is regular is measured, and most intervals."""
 _NEIGHBOURS = 10
@@ -136,7 +136,7 @@ class PacketLoss:
         """Count one packet."""
         component_id = packet.component_id
         self.sequence.add(packet.peer, component_id, packet.seq)
-        made_ms = packet.t_us // 1000 if message_id == _HEARTBEAT else packet.boot_ms
+        made_ms = packet.t_us // 1000 if message_id == HEARTBEAT else packet.boot_ms
         if not made_ms:
             return
         key = component_id, message_id
