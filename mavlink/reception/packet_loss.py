@@ -14,7 +14,7 @@ from itertools import islice
 from mavlink.protocol.dialect import HEARTBEAT
 from mavlink.protocol.packet import Packet
 
-_SEQUENCE_LATE = 128
+SEQUENCE_LATE = 128
 """Sequence numbers are modulo 256: steps forward of half of that and more are steps back, by a reordered packet."""
 _SEQUENCE_HALF_LIFE = 400.0
 """Packets after which older ones count half in a loss."""
@@ -53,7 +53,7 @@ class SequenceLoss:
             return
         step = 1 if last is None else (seq - last) & 0xFF
         self.received += 1.0
-        if step == 0 or step >= _SEQUENCE_LATE:
+        if step == 0 or step >= SEQUENCE_LATE:
             self.expected += 1.0 if step == 0 else 0.0
             return
         self._last[key] = seq
