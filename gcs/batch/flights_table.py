@@ -5,11 +5,11 @@ from __future__ import annotations
 import io
 import json
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, get_args
 
 import msgspec
 
-from gcs.batch.jobs import FlightRecord, ScoreRecord
+from gcs.batch.jobs import FlightRecord, ScoreRecord, VehicleCall
 from gcs.errors import BatchError
 from gcs.export.tables.arrow import import_pyarrow, writer_settings
 
@@ -17,50 +17,19 @@ if TYPE_CHECKING:
     import pyarrow as pa
 
 _SCORES = {name: f"score_{name}" for name in ScoreRecord.__struct_fields__}
-COLUMNS = {
-    "flight": "string",
-    "status": "string",
-    "error": "string",
-    "source": "string",
-    "version": "string",
-    "versions": "string",
-    "options": "string",
-    "inputs": "string",
-    "stamp": "string",
-    "frames": "int64",
-    "skipped_frames": "int64",
-    "span_s": "double",
-    "boxes": "int64",
-    "unnamed": "int64",
-    "vehicles": "int64",
-    "named": "int64",
-    "alarms": "int64",
-    "warnings": "int64",
-    "marks": "int64",
-    **{column: "int64" if name == "switches" else "double" for name, column in _SCORES.items()},
-    "earlier_result": "bool",
-    "identity_bytes": "int64",
-    "attempts": "int64",
-    "seconds": "double",
-    "cpu_seconds": "double",
-    "peak_bytes": "int64",
-    "worker": "string",
-}
-"""Columns with their Arrow types, and ``roll_call``, a list; null is unknown."""
-_CALL = {
-    "system_id": "int16",
-    "name": "string",
-    "first_named_s": "double",
-    "boxes": "int64",
-    "frames_in_view": "int64",
-    "frames_unknown": "int64",
-    "share": "double",
-    "confidence": "double",
-    "outcome": "string",
-    "why": "string",
-    "longest_silence_s": "double",
-    "silence_frozen": "bool",
-}
+_ARROW = {str: "string", int: "int64", float: "double", bool: "bool", dict[str, str]: "string"}
+
+
+def _columns(record: type[msgspec.Struct]) -> dict[str, str]:
+    """Arrow types of a record's fields but lists, a column each; a score's fields are columns in its place."""
+    columns: dict[str, str] = {}
+    for field in msgspec.structs.fields(record):
+        kind = get_args(field.type)[0] if type(None) in get_args(field.type) else field.type
+        if kind is ScoreRecord:
+            columns |= {_SCORES[name]: arrow for name, arrow in _columns(kind).items()}
+        elif kind in _ARROW:
+            columns[field.name] = _ARROW[kind]
+    return columns
 
 
 def flights_table(records: Sequence[FlightRecord]) -> bytes:
@@ -97,9 +66,12 @@ def read_flights(data: bytes, where: str) -> list[FlightRecord]:
 
 
 def _schema(pyarrow: pa) -> pa.Schema:
-    call = pyarrow.struct({name: pyarrow.type_for_alias(kind) for name, kind in _CALL.items()})
-    types = {name: pyarrow.type_for_alias(kind) for name, kind in COLUMNS.items()}
-    return pyarrow.schema({**types, "roll_call": pyarrow.list_(call)})
+    """Columns with their Arrow types, and ``roll_call``, a list; null is unknown."""
+    flight, call = (
+        {name: pyarrow.type_for_alias(kind) for name, kind in columns.items()}
+        for columns in (_columns(FlightRecord), _columns(VehicleCall) | {"system_id": "int16"})
+    )
+    return pyarrow.schema({**flight, "roll_call": pyarrow.list_(pyarrow.struct(call))})
 
 
 def _row(record: FlightRecord) -> dict[str, Any]:

@@ -21,6 +21,7 @@ from gcs.session.log import SessionLog
 from infra.files.segment import segments
 from infra.session_format import LOG, REFUSED
 from mavlink.errors import SigningError
+from mavlink.protocol.dialect import RADIO_STATUS
 from mavlink.protocol.packet import Auth
 from mavlink.signing.keys import (
     FLEET,
@@ -32,7 +33,7 @@ from mavlink.signing.keys import (
     remove_key,
     write_key,
 )
-from mavlink.signing.verifier import RADIO_STATUS, Verifier
+from mavlink.signing.verifier import Verifier
 from mavlink.tlog.log import Tlog
 
 app = typer.Typer(

@@ -7,7 +7,6 @@ station's loop.
 
 from __future__ import annotations
 
-import asyncio
 import json
 import threading
 from collections.abc import Callable
@@ -70,14 +69,6 @@ class MavsdkClient:
             name = str(error.result.name)
             return CommandAck(result=None, reason=_REASONS.get(name, name.lower().replace("_", " ")))
         return CommandAck(result=int(json.loads(ack.fields_json)["result"]))
-
-    async def connected(self, timeout_s: float) -> bool:
-        """Wait until MAVSDK knows the UAV."""
-        for _ in range(max(1, round(timeout_s / 0.05))):
-            if self._direct_to_uav() is not None:
-                return True
-            await asyncio.sleep(0.05)
-        return False
 
     def close(self) -> None:
         """Stop MAVSDK; no command may be under way. Packets may still come, and go nowhere."""

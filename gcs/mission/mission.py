@@ -18,14 +18,14 @@ import numpy as np
 from msgspec import Meta
 
 from gcs.errors import ConfigError
-from gcs.limits import Limits
+from gcs.limits import Limits, Share
 from gcs.mission.fence import Fence
 from gcs.mission.mast import MAST_ID, Mast, check_mount
 from infra.files.safe_open import read_small
 from infra.session_format import METADATA
 from infra.toml_tables import MAX_TOML_BYTES, build, parse_toml
 from vision.camera.intrinsics import Intrinsics
-from vision.camera.lens_file import read_lens
+from vision.camera.lens_file import NUMBERS, read_lens
 from vision.errors import CameraError
 
 BUNDLED = "bundled"
@@ -39,11 +39,9 @@ Pixels = Annotated[int, Meta(ge=16, le=16384)]
 FocalPx = Annotated[float, Meta(ge=1.0, le=1e6)]
 Number = Annotated[float, Meta(ge=-1e9, le=1e9)]
 """Number that any computation survives."""
-Share = Annotated[float, Meta(ge=0.0, le=1.0)]
 DeviceId = Annotated[int, Meta(ge=0, le=255)]
 MessageId = Annotated[int, Meta(ge=0, le=0xFFFFFF)]
 """MAVLink 2 has three bytes for it."""
-_NUMBERS = ("width", "height", "fx", "fy", "cx", "cy")
 _NOTES = "session"
 """The table that the recorder adds to session.toml; it describes, it does not steer."""
 
@@ -96,16 +94,16 @@ class Camera:
     """Relative to the body's nose."""
 
     def __post_init__(self) -> None:
-        missing = [name for name in _NUMBERS if getattr(self, name) is None]
-        if self.lens and (len(missing) < len(_NUMBERS) or any(self.distortion)):
+        missing = [name for name in NUMBERS if getattr(self, name) is None]
+        if self.lens and (len(missing) < len(NUMBERS) or any(self.distortion)):
             raise ValueError("lens replaces width, height, fx, fy, cx, cy and distortion; leave those out")
-        if not self.lens and 0 < len(missing) < len(_NUMBERS):
-            raise ValueError(f"{missing[0]} is missing; give {', '.join(_NUMBERS)}, or a lens file, or none")
+        if not self.lens and 0 < len(missing) < len(NUMBERS):
+            raise ValueError(f"{missing[0]} is missing; give {', '.join(NUMBERS)}, or a lens file, or none")
 
     @property
     def intrinsics(self) -> Intrinsics | None:
         """Intrinsics that the numbers describe, None without numbers."""
-        width, height, fx, fy, cx, cy = (getattr(self, name) for name in _NUMBERS)
+        width, height, fx, fy, cx, cy = (getattr(self, name) for name in NUMBERS)
         if width is None:
             return None
         return Intrinsics(width=width, height=height, fx=fx, fy=fy, cx=cx, cy=cy, distortion=np.array(self.distortion))
@@ -464,7 +462,7 @@ def _with_lens(camera: Camera | None, folder: Path, where: str) -> Camera | None
         lens = read_lens(folder / camera.lens)
     except (CameraError, ValueError) as error:  # a path with a NUL in it is a ValueError
         raise ConfigError(f"{where}: lens {error}") from error
-    numbers: dict[str, Any] = {name: getattr(lens, name) for name in _NUMBERS}
+    numbers: dict[str, Any] = {name: getattr(lens, name) for name in NUMBERS}
     distortion = tuple(lens.distortion.tolist())
     return replace(camera, lens="", name=camera.name or Path(camera.lens).name, distortion=distortion, **numbers)
 

@@ -117,11 +117,6 @@ class FrameDetections:
         columns = self._columns
         return float(columns["cx"].max(initial=0.0)), float(columns["cy"].max(initial=0.0))
 
-    @property
-    def last(self) -> int:
-        """Index of the last frame that saw anything, -1 for none."""
-        return int(self._frame[-1]) if len(self._frame) else -1
-
 
 def read_detections(path: Path) -> FrameDetections:
     """Read ``detections.csv``: oriented boxes in pixels and radians, heading empty where the front is unknown.

@@ -56,10 +56,6 @@ class Colour(StrEnum):
     NO_NEW_FRAME = "no new frame"
 
 
-BACKGROUNDS: Final = (Colour.PANEL, Colour.HEAD, Colour.PICKED, Colour.ALARM_TINT, Colour.WARN_TINT)
-"""Colours that text stands on."""
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Theme:
     """A look of all screens."""

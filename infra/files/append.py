@@ -132,19 +132,6 @@ class AppendFile:
             if self._mode in _FAILING and time.monotonic() >= self._retry_s:
                 self._repair()
 
-    def sync(self) -> None:
-        """Wait until the disk has every row.
-
-        Raises:
-            OSError: it has not.
-        """
-        with self._maintaining:
-            if self._mode in _FAILING:
-                self._repair()
-            self._sync()
-        if self._mode is not _WRITING:
-            raise OSError(errno.EIO, "closed" if self._mode is _CLOSED else self._failures.reason)
-
     def close(self) -> RecordState:
         """Try once more what failed, sync, and close; what waits then or comes later is lost. Twice does nothing."""
         if self._maintaining.acquire(timeout=HANG_S):

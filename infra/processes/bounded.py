@@ -28,7 +28,7 @@ _MAX_WRITTEN = 1 << 20
 _MAX_ANSWER = (1 << 31) - 1
 _RESERVE_BYTES, _CHECK_EVERY_S = 64 << 20, 0.02
 """Memory kept free, and interval of the checks, seconds: with none left Python may try for ever to report that."""
-_ONE_THREAD = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
+ONE_THREAD = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
 """Threads that a library starts for nothing take address space."""
 
 Question = TypeVar("Question", bound=msgspec.Struct)
@@ -65,7 +65,7 @@ def ask_child(
         OSError: the system starts no process.
     """
     child: ChildProcess[Answer | _Failed] = ChildProcess(
-        module, answers | _Failed, environment=_ONE_THREAD, most_bytes=_MAX_ANSWER
+        module, answers | _Failed, environment=ONE_THREAD, most_bytes=_MAX_ANSWER
     )
     began_s = time.monotonic()
     clock = threading.Timer(most_s, child.kill)

@@ -8,8 +8,7 @@ from pymavlink.dialects.v20 import ardupilotmega
 
 from mavlink.protocol.packet import Packet
 
-AUTOPILOT_VERSION = 148
-_UNPACKER = ardupilotmega.mavlink_map[AUTOPILOT_VERSION].unpacker
+_UNPACKER = ardupilotmega.mavlink_map[ardupilotmega.MAVLINK_MSG_ID_AUTOPILOT_VERSION].unpacker
 _UID2_BYTES = 18
 """Length of the last field."""
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
+from mavlink.estimation.clock import WRAP_US
 from mavlink.estimation.interpolation import SampleBuffer
 from mavlink.geodesy import wrap_pi
 from mavlink.reception.reception import SenderKey
@@ -20,8 +21,6 @@ MAX_PROVEN_LAG_US = 60_000_000
 ALIVE_US = 3_000_000
 """A sender that reported this lately is alive."""
 
-_WRAP_US = (1 << 32) * 1000
-"""Boot times are 32 bits of milliseconds."""
 _EARTH_RADIUS_M = 6_371_008.8
 """Mean radius."""
 _ESTABLISHED, _ESTABLISHED_US = 3, 500_000
@@ -191,7 +190,7 @@ def off_course_m(start: ClaimedPlace, end: ClaimedPlace, dt_s: float) -> float:
 
 def _wrapped_us(span_us: int) -> int:
     """A difference of boot times, the short way round."""
-    return (span_us + _WRAP_US // 2) % _WRAP_US - _WRAP_US // 2
+    return (span_us + WRAP_US // 2) % WRAP_US - WRAP_US // 2
 
 
 def _east_north_m(one: ClaimedPlace, other: ClaimedPlace) -> tuple[float, float]:

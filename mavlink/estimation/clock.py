@@ -17,7 +17,7 @@ from typing import NamedTuple
 
 from mavlink.estimation.clock_rate import ClockRate
 
-_WRAP_US = (1 << 32) * 1000
+WRAP_US = (1 << 32) * 1000
 """Boot times are 32 bits of milliseconds: 49.7 days."""
 STEEP, STEEP_WITHIN = 0.01, 0.1
 """A drift that a link's growing delays do not make within seconds, and by how much of it its halves may differ."""
@@ -282,10 +282,10 @@ class VehicleClock:
         if not self._started:
             return boot_us
         expected = self._newest + arrival_us - self._newest_arrival
-        if abs(expected - boot_us) < _WRAP_US // 2:
+        if abs(expected - boot_us) < WRAP_US // 2:
             return boot_us
-        wraps = (expected - boot_us + _WRAP_US // 2) // _WRAP_US
-        near = boot_us + wraps * _WRAP_US
+        wraps = (expected - boot_us + WRAP_US // 2) // WRAP_US
+        near = boot_us + wraps * WRAP_US
         # a reboot is far from what was expected either way: then the count as it came is the smaller surprise
         return near if abs(near - expected) < self.params.reboot_surprise_us else boot_us
 

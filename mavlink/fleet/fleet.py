@@ -17,8 +17,8 @@ from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
+from pymavlink.dialects.v20 import ardupilotmega
 
-from mavlink.duplicate_id.autopilot_id import AUTOPILOT_VERSION
 from mavlink.estimation.camera_report import CameraReports, CameraSample
 from mavlink.estimation.gimbal import Gimbals, GimbalSample
 from mavlink.estimation.ground_distance import GroundDistance
@@ -30,7 +30,7 @@ from mavlink.fleet.stand import Stand
 from mavlink.fleet.vehicle import PositionReport, Vehicle
 from mavlink.geodesy import R_ENU_NED, LocalFrame, rotation_from_euler
 from mavlink.protocol.decode import decode
-from mavlink.protocol.dialect import DEFINITIONS
+from mavlink.protocol.dialect import DEFINITIONS, HEARTBEAT, RADIO_STATUS
 from mavlink.protocol.messages import (
     Attitude,
     CameraFov,
@@ -60,8 +60,7 @@ from mavlink.state import CameraReport, FleetState, Level, Notice, Reports, UavA
 NO_FIX = Fix(*[math.nan] * 10)
 _REPORTING_US = 1_000_000
 """Time after which nothing is waited for any more: it stopped, or comes too rarely to interpolate."""
-MODEM_MESSAGES = (109, 166)
-"""RADIO_STATUS and RADIO."""
+MODEM_MESSAGES = (RADIO_STATUS, ardupilotmega.MAVLINK_MSG_ID_RADIO)
 _UAV_LIMITS = VehicleLimits(max_speed=80.0, max_acceleration=12.0)
 """A fast multicopter or a small plane."""
 _MAX_UNDATED = 300
@@ -250,7 +249,7 @@ class Fleet:
         arrival = vehicle.count_packet(packet, message_id)
         if arrival is None:
             return ()
-        if message_id == AUTOPILOT_VERSION:
+        if message_id == ardupilotmega.MAVLINK_MSG_ID_AUTOPILOT_VERSION:
             return self._after(vehicle, vehicle.add_hardware_id(packet, arrival))
         sample = decode(packet)
         if not arrival.late:
@@ -352,7 +351,7 @@ class Fleet:
 
     def _unknown_vehicle(self, packet: Packet) -> tuple[Notice, ...]:
         """Report once that a vehicle is on the air that is not in the mission."""
-        if packet.system_id in self._unknown_ids or packet.message_id != 0:
+        if packet.system_id in self._unknown_ids or packet.message_id != HEARTBEAT:
             return ()
         sample = decode(packet)
         if not isinstance(sample, Heartbeat) or not is_vehicle(sample.type, sample.autopilot):

@@ -9,6 +9,8 @@ import math
 from collections.abc import Callable, Iterator
 from typing import NamedTuple
 
+from pymavlink.dialects.v20.ardupilotmega import MAVLINK_MSG_ID_GLOBAL_POSITION_INT
+
 from infra.reporting import Throttle
 from mavlink.duplicate_id.claimed_places import FRESH_BOOT_US
 from mavlink.duplicate_id.components import NO_COMPONENT, Components
@@ -73,8 +75,6 @@ _SHARED_CLOCK_US = 500_000
 """A component whose messages come no later than this after the autopilot's of the same boot time has its clock."""
 _DELAY_GAIN, _DELAY_ASYMMETRY = 0.05, 9.0
 """Step of the usual delay towards one that is longer, and by how much smaller one towards a shorter delay is."""
-_POSITION = 33
-"""Id of GLOBAL_POSITION_INT."""
 _JUMPING = "it jumps between places, receiver jammed or failing"
 
 
@@ -155,7 +155,7 @@ class Vehicle:
     def count_packet(self, packet: Packet, message_id: int) -> Arrival | None:
         """Count a packet of a known message; None for a duplicate of one that came before."""
         arrival = self._reception.add_packet(packet, message_id)
-        if arrival is None and message_id == _POSITION:
+        if arrival is None and message_id == MAVLINK_MSG_ID_GLOBAL_POSITION_INT:
             self._repeats.add_copy(packet.t_us)
         if arrival is not None and packet.component_id == self._components.autopilot:
             self._duplicate_id.add_sender(arrival.sender, packet.t_us)

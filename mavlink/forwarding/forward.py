@@ -20,10 +20,9 @@ from collections.abc import Callable, Collection, Iterator, Sequence
 from mavlink.errors import LinkError
 from mavlink.forwarding.outputs import Output, OutputCounts
 from mavlink.protocol.addressing import target_of
-from mavlink.protocol.dialect import DEFINITIONS, message_name
+from mavlink.protocol.dialect import DEFINITIONS, SETUP_SIGNING, message_name
 from mavlink.protocol.packet import Auth, Packet
 
-SETUP_SIGNING = 256
 HARMLESS = ("HEARTBEAT", "TIMESYNC")
 """Broadcasts that carry no order."""
 HEARD_US = 60_000_000

@@ -13,7 +13,7 @@ from mavlink.links.kinds import open_link
 from mavlink.protocol.dialect import message_name
 from mavlink.protocol.packet import Packet
 
-_COMMANDS = (75, 76)  # COMMAND_INT, COMMAND_LONG
+_COMMANDS = (ardupilotmega.MAVLINK_MSG_ID_COMMAND_INT, ardupilotmega.MAVLINK_MSG_ID_COMMAND_LONG)
 _COMMAND_AT = 28
 """Byte of both at which the number of the command begins."""
 ECHO_S = 2.0

@@ -8,6 +8,10 @@ DEFINITIONS: dict[int, tuple[int, int]] = {
     message_id: (message.unpacker.size, message.crc_extra) for message_id, message in ardupilotmega.mavlink_map.items()
 }
 """message id → (full payload length with extensions in bytes, CRC extra)."""
+HEARTBEAT: int = ardupilotmega.MAVLINK_MSG_ID_HEARTBEAT
+RADIO_STATUS: int = ardupilotmega.MAVLINK_MSG_ID_RADIO_STATUS
+SETUP_SIGNING: int = ardupilotmega.MAVLINK_MSG_ID_SETUP_SIGNING
+TIMESYNC: int = ardupilotmega.MAVLINK_MSG_ID_TIMESYNC
 
 
 def message_name(message_id: int) -> str:

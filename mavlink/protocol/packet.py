@@ -7,7 +7,7 @@ from enum import IntEnum
 
 MAGIC_V1 = 0xFE
 MAGIC_V2 = 0xFD
-_BOOT_MS_AT = {2: 8, 30: 0, 31: 0, 32: 0, 33: 0}
+BOOT_MS_AT = {2: 8, 30: 0, 31: 0, 32: 0, 33: 0}
 """Offset in the payload of SYSTEM_TIME, ATTITUDE, ATTITUDE_QUATERNION, LOCAL_POSITION_NED and GLOBAL_POSITION_INT."""
 
 
@@ -50,11 +50,6 @@ class Packet:
     """Running number of its record in the flight's log, -1 where it is not in one or that is not known."""
 
     @property
-    def version(self) -> int:
-        """1 or 2."""
-        return 2 if self.raw[0] == MAGIC_V2 else 1
-
-    @property
     def seq(self) -> int:
         """Sequence number 0..255, one counter per sender and channel."""
         return self.raw[4] if self.raw[0] == MAGIC_V2 else self.raw[2]
@@ -83,7 +78,7 @@ class Packet:
     @property
     def boot_ms(self) -> int:
         """Milliseconds since its vehicle was switched on, where the message carries them in a known place; else 0."""
-        place = _BOOT_MS_AT.get(self.message_id)
+        place = BOOT_MS_AT.get(self.message_id)
         if place is None:
             return 0
         start = 10 if self.raw[0] == MAGIC_V2 else 6

@@ -11,16 +11,16 @@ import math
 from collections import deque
 from itertools import islice
 
+from mavlink.protocol.dialect import HEARTBEAT
 from mavlink.protocol.packet import Packet
 
-_SEQUENCE_LATE = 128
+SEQUENCE_LATE = 128
 """Sequence numbers are modulo 256: steps forward of half of that and more are steps back, by a reordered packet."""
 _SEQUENCE_HALF_LIFE = 400.0
 """Packets after which older ones count half in a loss."""
 _MAX_SEQUENCES = 32
 """Counters followed for one loss: components times links."""
 
-_HEARTBEAT = 0
 _WINDOW_MS, _MAX_INTERVALS = 30_000, 64
 """Time over which what is regular is measured, and most intervals."""
 _NEIGHBOURS = 10
@@ -53,7 +53,7 @@ class SequenceLoss:
             return
         step = 1 if last is None else (seq - last) & 0xFF
         self.received += 1.0
-        if step == 0 or step >= _SEQUENCE_LATE:
+        if step == 0 or step >= SEQUENCE_LATE:
             self.expected += 1.0 if step == 0 else 0.0
             return
         self._last[key] = seq
@@ -136,7 +136,7 @@ class PacketLoss:
         """Count one packet."""
         component_id = packet.component_id
         self.sequence.add(packet.peer, component_id, packet.seq)
-        made_ms = packet.t_us // 1000 if message_id == _HEARTBEAT else packet.boot_ms
+        made_ms = packet.t_us // 1000 if message_id == HEARTBEAT else packet.boot_ms
         if not made_ms:
             return
         key = component_id, message_id

@@ -11,7 +11,7 @@ from enum import Enum
 from typing import NamedTuple
 
 from mavlink.protocol.packet import Auth, Packet
-from mavlink.reception.packet_loss import PacketLoss
+from mavlink.reception.packet_loss import SEQUENCE_LATE, PacketLoss
 from mavlink.reception.rejected_packets import PacketRejections
 from mavlink.state import ChannelStatus, Level
 
@@ -42,8 +42,6 @@ _UNUSED_US = 10_000_000
 _RATE_WINDOW_US = 2_000_000
 """Rates are measured over this: short enough to follow a change, two heartbeats long."""
 
-_SEQUENCE_LATE = 128
-"""Sequence numbers are modulo 256: steps forward of half of that and more are steps back, by a reordered packet."""
 _RUN_AHEAD, _RUN_BEHIND = 16, 8
 """Steps forward (losses) and back (reordering) that still continue a run of sequence numbers."""
 _RUN_US = 3_000_000
@@ -101,7 +99,7 @@ class _SequenceRuns:
                     break
         if best is None:
             return self._begin(seq, t_us)
-        if (seq - best[1]) & 0xFF < _SEQUENCE_LATE:
+        if (seq - best[1]) & 0xFF < SEQUENCE_LATE:
             best[1] = seq
         best[2] = t_us
         return best[0]

@@ -21,10 +21,11 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from mavlink.errors import SigningError
+from mavlink.protocol.dialect import RADIO_STATUS
 from mavlink.signing.journal import RUN_BYTES, StreamJournal
 from mavlink.signing.keys import read_ring
 from mavlink.signing.streams import SECOND, StreamRow, Streams, ticks_of
-from mavlink.signing.verifier import RADIO_STATUS, Keyless, Verifier
+from mavlink.signing.verifier import Keyless, Verifier
 
 SLOTS = ("streams.0", "streams.1")
 PERIOD_S = 1.0

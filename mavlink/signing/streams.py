@@ -21,7 +21,9 @@ import struct
 from collections.abc import Collection, Iterator
 from typing import NamedTuple, Protocol
 
-from mavlink.protocol.packet import Auth
+from pymavlink.dialects.v20.ardupilotmega import MAVLINK_MSG_ID_SYSTEM_TIME
+
+from mavlink.protocol.packet import BOOT_MS_AT, Auth
 
 EPOCH_US = 1_420_070_400_000_000
 """2015-01-01 UTC, Unix µs."""
@@ -39,9 +41,6 @@ _MAX_HELD = 1024
 """Streams remembered that are held."""
 _MILLISECOND = 100
 """Ticks."""
-_BOOT_AT = {2: 8, 30: 0, 31: 0, 32: 0, 33: 0}
-"""Offsets at which messages that vehicles send all the time carry their time since boot (uint32, ms), by message id."""
-_SYSTEM_TIME = 2
 _UINT32, _UINT64 = struct.Struct("<I"), struct.Struct("<Q")
 _WRAP_MS = 1 << 32
 """Milliseconds after which a time since boot wraps."""
@@ -150,7 +149,7 @@ class Streams:
         if self._held:
             self._held.pop((system_id, stream), None)
         known.timestamp, known.received = timestamp, now
-        if now - known.learned >= SECOND and frame and frame[7] in _BOOT_AT and (boot := times_in(frame)[1]) >= 0:
+        if now - known.learned >= SECOND and frame and frame[7] in BOOT_MS_AT and (boot := times_in(frame)[1]) >= 0:
             known.booted, known.learned = now - boot, now
         if self.journal is not None:
             if now - known.noted < SECOND:
@@ -228,11 +227,11 @@ class Streams:
 def times_in(frame: bytes) -> tuple[int, int]:
     """Times in a MAVLink 2 frame: ticks of the time of day, 0 unknown, and since boot, −1 unknown."""
     message_id = int.from_bytes(frame[7:10], "little")
-    at = _BOOT_AT.get(message_id)
+    at = BOOT_MS_AT.get(message_id)
     if at is None:
         return 0, -1
     payload = frame[10 : 10 + frame[1]].ljust(12, b"\0")
-    unix_us = _UINT64.unpack_from(payload)[0] if message_id == _SYSTEM_TIME else 0
+    unix_us = _UINT64.unpack_from(payload)[0] if message_id == MAVLINK_MSG_ID_SYSTEM_TIME else 0
     return max(ticks_of(unix_us), 0), _UINT32.unpack_from(payload, at)[0] * _MILLISECOND
 
 

@@ -19,14 +19,12 @@ from hmac import compare_digest
 from typing import Literal
 
 from mavlink.errors import SigningError
-from mavlink.protocol.dialect import DEFINITIONS, message_name
+from mavlink.protocol.dialect import DEFINITIONS, RADIO_STATUS, SETUP_SIGNING, message_name
 from mavlink.protocol.framing import SIGNATURE_LENGTH, checksum
 from mavlink.protocol.packet import MAGIC_V1, MAGIC_V2, Auth, Packet
 from mavlink.signing.keys import KeyRing
 from mavlink.signing.streams import AHEAD, Streams, ticks_of
 
-RADIO_STATUS = 109
-SETUP_SIGNING = 256
 SIGNED = 0x01
 """The incompatibility flag of signed frames."""
 STATE_MESSAGES = frozenset(

@@ -21,7 +21,6 @@ _PARTS, _TIMES = 8, 4.0
 """Parts of a log whose earliest arrivals are compared, and how many times their difference a step is."""
 _BACK_MS = 1001
 _WRAP_MS = 1 << 32
-_SYSTEM_TIME = 2
 _UNIX_FROM_US = 1_000_000_000_000_000
 """Clocks that were never set begin in 1970."""
 _CHUNKS = 40
@@ -82,7 +81,7 @@ def dated_by_senders(tlog: Tlog) -> Ints:
     For logs without stamps. What carries no time has that of what was recorded around it.
     """
     index = tlog.index
-    dated, wire = tlog.columns(_SYSTEM_TIME)
+    dated, wire = tlog.columns(ardupilotmega.MAVLINK_MSG_ID_SYSTEM_TIME)
     unix_us, since_us = wire["time_unix_usec"].astype(np.int64), wire["time_boot_ms"].astype(np.int64) * 1000
     rows, boot_ms = _boot_times(tlog)
     t_us = np.zeros(rows.size, dtype=np.int64)

@@ -150,18 +150,6 @@ class TlogWriter:
             lost=state.lost + journal.lost + (waiting if self._abandoned else 0),
         )
 
-    def sync(self) -> None:
-        """Wait until the disk has everything.
-
-        Raises:
-            TlogError: the disk reports an error.
-        """
-        try:
-            for file in self._files:
-                file.sync()
-        except OSError as error:
-            raise TlogError(f"{self.path}: not safely on disk: {error.strerror}") from error
-
     def close(self) -> None:
         """Write what still waits, sync and close; closing twice does nothing. ``state`` then has what was lost.
 

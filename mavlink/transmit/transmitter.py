@@ -1,8 +1,8 @@
 """The only way out for what the station itself sends: to the UAV alone, with one sequence number, signed, recorded.
 
-Every frame that is not addressed to the UAV is dropped and counted here, whoever made it, but HEARTBEAT and TIMESYNC,
-which have no address and carry no command. Frames go to the UAV's own network address; other systems behind it (one
-radio, a router) receive them too, and see that they are for the UAV. So this station commands no ground vehicle.
+Every frame that is not addressed to the UAV is dropped here, whoever made it, but HEARTBEAT and TIMESYNC, which have no
+address and carry no command. Frames go to the UAV's own network address; other systems behind it (one radio, a router)
+receive them too, and see that they are for the UAV. So this station commands no ground vehicle.
 
 Where the other end of a link sends nothing until it has received something, heartbeats announce the station until the
 UAV is received there, or only other systems are.
@@ -11,19 +11,17 @@ UAV is received there, or only other systems are.
 from __future__ import annotations
 
 import threading
-from collections import Counter
 from collections.abc import Callable, Collection, Mapping
 
 from mavlink.errors import LinkError
 from mavlink.protocol.addressing import BROADCAST, target_of
-from mavlink.protocol.dialect import DEFINITIONS, message_name
+from mavlink.protocol.dialect import DEFINITIONS, HEARTBEAT, SETUP_SIGNING, TIMESYNC
 from mavlink.protocol.framing import checksum
 from mavlink.protocol.packet import MAGIC_V2, Auth, Packet
 
 SYSTEM_ID, COMPONENT_ID = 254, 190
 """Ids of this station: not 255, whose heartbeats vehicles take for those of their first station."""
 
-_HEARTBEAT, _TIMESYNC, _SETUP_SIGNING = 0, 111, 256
 _SHORTEST_V2 = 12
 """Bytes of a MAVLink 2 frame without payload."""
 REACHABLE_US = 10_000_000
@@ -42,10 +40,10 @@ def only_to_uav(raw: bytes, uav: int) -> bool:
     if len(raw) < _SHORTEST_V2 or raw[0] != MAGIC_V2 or raw[2]:
         return False
     message_id = Packet(0, raw).message_id
-    if message_id not in DEFINITIONS or message_id == _SETUP_SIGNING:
+    if message_id not in DEFINITIONS or message_id == SETUP_SIGNING:
         return False
     target = target_of(raw)
-    return target[0] == uav if target != BROADCAST else message_id in (_HEARTBEAT, _TIMESYNC)
+    return target[0] == uav if target != BROADCAST else message_id in (HEARTBEAT, TIMESYNC)
 
 
 class Transmitter:
@@ -81,14 +79,8 @@ class Transmitter:
         self._held: dict[int, tuple[int, int]] = {}
         """Link → peer and time of the UAV's last held packet."""
         self._others: set[int] = set()
-        self._rejected: Counter[str] = Counter()
         self.count = 0
         """Frames that left."""
-
-    @property
-    def rejected(self) -> Mapping[str, int]:
-        """Message name → frames that were not addressed to the UAV and did not leave."""
-        return dict(self._rejected)
 
     @property
     def links(self) -> list[int]:
@@ -122,8 +114,6 @@ class Transmitter:
             Whether it left.
         """
         if not only_to_uav(raw, self._uav):
-            is_v2 = len(raw) >= _SHORTEST_V2 and raw[0] == MAGIC_V2
-            self._rejected[message_name(Packet(0, raw).message_id) if is_v2 else "not MAVLink 2"] += 1
             return False
         with self._lock:
             if link is None:
@@ -140,7 +130,7 @@ class Transmitter:
         """
         links = self.links
         count = sum(self.send(raw, link) for link in links)
-        if not only_to_uav(raw, self._uav) or Packet(0, raw).message_id != _HEARTBEAT:
+        if not only_to_uav(raw, self._uav) or Packet(0, raw).message_id != HEARTBEAT:
             return count
         announced = {link: 0 for link in self._announce_on if self._is_unaware_of_us(link, links)}
         announced |= {link: peer for link, (peer, _) in _recent(self._held).items() if link not in links}

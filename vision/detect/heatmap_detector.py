@@ -20,7 +20,7 @@ from vision.detect.apparent_length import CAR_M, FLOOR, ApparentLength, examine,
 from vision.detect.detections import Detections
 from vision.detect.letterbox import letterbox, undo
 from vision.detect.onnx_model import RUN_ERRORS, described, metadata, why
-from vision.detect.tiles import Tile, detect_in_tiles, tile_grid
+from vision.detect.tiles import OVERLAP_LENGTHS, Tile, detect_in_tiles, tile_grid
 from vision.errors import ModelError
 
 Image = NDArray[np.uint8]
@@ -41,8 +41,6 @@ MIN_SIDE, MAX_SIDE = 64, 4096
 """Limits of a canvas side, px. Larger images are processed in tiles, which bounds the memory."""
 MAX_SCALE = 2.0
 """Enlarging an image further adds no detail."""
-OVERLAP_LENGTHS = 4.0
-"""Overlap of tiles, in vehicle lengths that the model was trained for: lorries are twice as long."""
 
 
 FRAME_PX = 400_000.0

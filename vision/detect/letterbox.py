@@ -54,31 +54,16 @@ class Letterbox:
         left, top = (width - inner_w) // 2, (height - inner_h) // 2
         return cls(width=width, height=height, scale_x=inner_w / w, scale_y=inner_h / h, left=left, top=top)
 
-    def points(self, xy: ArrayLike) -> NDArray[np.float64]:
-        """Image points (..., 2) on the canvas."""
-        return np.asarray(xy, dtype=np.float64) * (self.scale_x, self.scale_y) + (self.left, self.top)
-
     def undo_points(self, xy: ArrayLike) -> NDArray[np.float64]:
         """Canvas points (..., 2) in the image."""
         return (np.asarray(xy, dtype=np.float64) - (self.left, self.top)) / (self.scale_x, self.scale_y)
-
-    def boxes(self, boxes: ArrayLike) -> NDArray[np.float64]:
-        """Image boxes (..., 5) ``cx cy w h angle`` on the canvas."""
-        rows = np.array(boxes, dtype=np.float64)
-        rows[..., :2] = self.points(rows[..., :2])
-        rows[..., 2:4] *= self._scale
-        return rows
 
     def undo_boxes(self, boxes: ArrayLike) -> NDArray[np.float64]:
         """Canvas boxes (..., 5) in the image."""
         rows = np.array(boxes, dtype=np.float64)
         rows[..., :2] = self.undo_points(rows[..., :2])
-        rows[..., 2:4] /= self._scale
+        rows[..., 2:4] /= np.sqrt(self.scale_x * self.scale_y)
         return rows
-
-    @property
-    def _scale(self) -> float:
-        return float(np.sqrt(self.scale_x * self.scale_y))
 
 
 def letterbox(image: NDArray[np.uint8], canvas: tuple[int, int]) -> tuple[NDArray[np.uint8], Letterbox]:

@@ -13,6 +13,8 @@ from vision.detect.detections import Detections
 
 SAME = 0.45
 """Boxes of two tiles that overlap more (probabilistic IoU) are one vehicle's."""
+OVERLAP_LENGTHS = 4.0
+"""Overlap of tiles, in vehicles of the length that a model was trained for: lorries are twice as long."""
 MAX_COMPARED = 1000
 """Boxes of all tiles, the best ones: to compare all with all takes the square of their number in time and memory."""
 

@@ -21,7 +21,7 @@ from vision.detect.decode_yolo import Dropped, Rule, decode_boxes, decode_raw
 from vision.detect.detections import Detections
 from vision.detect.letterbox import Letterbox, draw, undo
 from vision.detect.onnx_model import RUN_ERRORS, described, why
-from vision.detect.tiles import Tile, detect_in_tiles, tile_grid
+from vision.detect.tiles import OVERLAP_LENGTHS, Tile, detect_in_tiles, tile_grid
 from vision.detect.yolo_classes import vehicle_classes
 from vision.detect.yolo_layout import ACCEPTED, anchor_counts, check_size, output_form, read_input
 from vision.errors import ModelError
@@ -32,8 +32,6 @@ VEHICLE_M = 2.5
 """Length of the smallest vehicle that matters."""
 MIN_LENGTH_PX, GOOD_LENGTH_PX = 12.0, 16.0
 """An image is tiled when such a vehicle would be shorter on the canvas than the first, so that it has the second."""
-OVERLAP_LENGTHS = 4.0
-"""Overlap of tiles, in vehicles: lorries are twice as long."""
 MAX_TILES, FILM_TILES = 16, 6
 """Tiles of one image, which bounds the time, and of a frame of a film whose scale the vehicles alone tell. Six are
 3 × 2 in a frame of 16:9, enough for a canvas of 640 px to see 1080 lines almost as they are; each takes as long as a

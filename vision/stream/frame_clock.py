@@ -40,10 +40,6 @@ class ArrivalClock:
             self._offset_s = min(offset_s, self._offset_s + CREEP * elapsed_s)
         self._arrival_s = arrival_s
 
-    def lag_s(self, stamp_s: float, arrival_s: float) -> float:
-        """Delay of this packet against the fastest one, s."""
-        return 0.0 if self._offset_s is None else arrival_s - stamp_s - self._offset_s
-
     def unix_s(self, stamp_s: float) -> float:
         """Unix time of a time stamp; call ``add`` first."""
         return stamp_s + (self._offset_s or 0.0)

@@ -96,11 +96,6 @@ def correct(x: Floats, P: Floats, centre: Floats, noise: Floats) -> tuple[Floats
     return W[0].T, (0.5 * (P + P.transpose(1, 0, 2))).transpose(2, 0, 1)
 
 
-def jacobian(H: Floats, points: Floats) -> Floats:
-    """Derivative of points (k, 2) mapped through the homography H (3, 3) by the points, (k, 2, 2)."""
-    return _mapped(H, points)[1]
-
-
 def warp(x: Floats, P: Floats, H: Floats) -> tuple[Floats, Floats, Floats]:
     """Move states into a frame that H (3, 3) leads to; velocity turns and scales with its place.
 

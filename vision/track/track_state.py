@@ -132,11 +132,6 @@ class TrackState:
         return self.table[SHARED, :]
 
     @property
-    def hits(self) -> Floats:
-        """(k,) frames in which it was seen."""
-        return self.table[HITS, :]
-
-    @property
     def evidence(self) -> Floats:
         """(k,) that it is of a vehicle, nats; may be written to."""
         return self.table[EVIDENCE, :]

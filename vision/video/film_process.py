@@ -23,7 +23,7 @@ import psutil
 from numpy.typing import NDArray
 
 from infra.plain_text import plain
-from infra.processes.bounded import bound
+from infra.processes.bounded import ONE_THREAD, bound
 from infra.processes.channel import MessageChannel, connect_to_parent
 from infra.processes.child_process import KILL_S, ChildProcess
 from infra.shared_memory import make_memory, map_memory
@@ -42,8 +42,6 @@ _WAKE_S = 1.0
 """Time between two looks at whether the process that is waited for could have answered, s."""
 _ORPHAN_S = 5.0
 """Time between two looks of the process at whether who started it still lives, s."""
-_ONE_THREAD = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
-"""Threads of numpy's, which only carries pictures there, take address space."""
 _MAX_MESSAGE = (1 << 31) - 1
 
 Answer = TypeVar("Answer")
@@ -134,7 +132,7 @@ class FilmReader:
         try:
             self._memory = os.fdopen(make_memory(0), "r+b", buffering=0)
             self._process: ChildProcess[_Answer] = ChildProcess(
-                __name__, _Answer, fds=[self._memory.fileno()], environment=_ONE_THREAD, most_bytes=_MAX_MESSAGE
+                __name__, _Answer, fds=[self._memory.fileno()], environment=ONE_THREAD, most_bytes=_MAX_MESSAGE
             )
         except OSError as error:
             raise VideoError(f"video {path}: no process starts to read it: {error.strerror}") from error

@@ -21,7 +21,8 @@ TURNED_US = 5_000_000
 """Time for a gimbal's reports to come that were asked for when an order turned the camera."""
 LOST_US = 3_000_000
 """Time without an attitude of the gimbal after which its loss is reported."""
-_LEVEL = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])  # nose north, level: body FRD to ENU
+LEVEL = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
+"""(3, 3) body of a level UAV whose nose points north, to ENU."""
 
 
 class CameraDirection:
@@ -70,7 +71,7 @@ class CameraDirection:
         if self._camera is None and report is not None:
             # an image turned clockwise is that of a camera rolled the other way
             mount = replace(mount, roll=-math.radians(report.rotation_deg))
-        R_enu_body = uav.R_enu_body if uav.attitude_valid else _LEVEL
+        R_enu_body = uav.R_enu_body if uav.attitude_valid else LEVEL
         return camera_rotation(mount, R_enu_body, _gimbal(uav) if self.follows_gimbal else None)
 
     def check(self, t_us: int, uav: UavState) -> Iterator[Event]:

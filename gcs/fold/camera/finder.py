@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from assoc.camera_search.inputs import FilmedFleet, KnownMount, MountKind
 from assoc.camera_search.search import CameraFit, CameraVerdict, find_camera, refined
+from gcs.fold.camera.direction import LEVEL
 from gcs.mission.mission import Camera
 from gcs.snapshot import Event
 from mavlink.state import FleetState, Level
@@ -50,8 +51,6 @@ _WHY_NOT = {
     CameraVerdict.AMBIGUOUS: "more than one camera explains what is seen: it takes vehicles that turn or brake",
     CameraVerdict.UNEXPLAINED: "no camera explains what is seen yet: it takes three vehicles that drive in view",
 }
-_LEVEL = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
-"""(3, 3) body of a level UAV whose nose points north, to ENU."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -191,7 +190,7 @@ class CameraFinder:
             t=np.array([(look.t_us - looks[0].t_us) * 1e-6 for look in looks]),
             picture=picture[:, long],
             vehicle_enu=np.stack([look.vehicle_enu for look in looks]),
-            R_enu_base=np.stack([look.R_enu_base if known else _LEVEL for look in looks]),
+            R_enu_base=np.stack([look.R_enu_base if known else LEVEL for look in looks]),
             p_enu=np.stack([look.p_enu for look in looks]),
             ground_z=ground_z,
             heading_known=known,

@@ -15,7 +15,7 @@ from textual.strip import Strip
 
 from gcs.certainty import named
 from gcs.snapshot import NAMED, Snapshot, VehicleRow
-from gcs.tui.draw.condition import battery, from_uav, hdop, radio, satellites
+from gcs.tui.draw.condition import Cell, battery, from_uav, hdop, radio, satellites
 from gcs.tui.draw.format import (
     age,
     as_far_as_known,
@@ -47,7 +47,6 @@ from gcs.tui.palette import (
 )
 from gcs.tui.panes.alarms import worst_alarm
 from gcs.tui.panes.pane import Pane
-from gcs.tui.themes import Colour
 from infra.plain_text import plain
 from mavlink.state import SILENT_S, Level
 from mavlink.transmit.message_rates import LOSSY
@@ -58,7 +57,6 @@ GUTTER_CELLS: Final = 3
 """Cells before each row: the mark of its worst alarm, and that of the picked row."""
 NARROW: Final = 40
 """Narrower tables have a shorter identity and link."""
-Cell = tuple[str, Colour]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -20,7 +20,7 @@ from gcs.missing import may_be
 from gcs.report.box_shapes import drawable
 from gcs.report.overlay import named_count, standing_of, unnamed
 from gcs.snapshot import HELD_SHOWN_S, NAMED, Box, Candidate, Snapshot, Standing, VehicleRow
-from gcs.tui.draw.condition import condition_facts
+from gcs.tui.draw.condition import Fact, condition_facts
 from gcs.tui.draw.format import (
     age,
     as_far_as_known,
@@ -81,7 +81,6 @@ EVIDENCE: Final = (
 )
 FACT_CELLS: Final = 40
 """Widest fact with its age on one row; a narrow pane has it on a second row."""
-Fact = tuple[str, str, Colour]
 
 
 class IdentityPane(Pane):

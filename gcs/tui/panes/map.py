@@ -75,16 +75,18 @@ class MapPane(Pane):
             basemap: What is under it all.
         """
         super().__init__(id=id)
-        self._zoom = 0
+        self.zoom = 0
+        """Steps closer than what fits everything."""
         self._follow = 0
         self._scale = 0.0
         self._labelling = Labelling()
         self._free: MapView | None = None
         """Place that the operator looks at, None: what fits or is followed."""
-        self._view: MapView | None = None
+        self.view: MapView | None = None
         """View of what is on the screen."""
         self._origin: LocalFrame | None = None
-        self._ruler = Ruler()
+        self.ruler = Ruler()
+        """Ruler with what the operator points at."""
         self._span = 0
         self._shown = Trails()
         self._trails: TrailSource = trails or self._shown.before
@@ -97,27 +99,12 @@ class MapPane(Pane):
         """Vehicle that stays in the middle: ``all``, ``UAV`` or ``selected``; empty after the operator panned."""
         return "" if self._free else FOLLOW[self._follow]
 
-    @property
-    def zoom(self) -> int:
-        """Steps closer than what fits everything."""
-        return self._zoom
-
-    @property
-    def ruler(self) -> Ruler:
-        """Ruler with what the operator points at."""
-        return self._ruler
-
-    @property
-    def view(self) -> MapView | None:
-        """The ground that is on the screen."""
-        return self._view
-
     def zoom_by(self, steps: int) -> None:
         """Zoom closer (positive) or farther; 0 fits everything again."""
         if steps and self._free:
             self._look(replace(self._free, metres_per_dot=step_scale(self._free.metres_per_dot, -steps)))
             return
-        self._zoom = min(max(self._zoom + steps, -ZOOM_LIMIT), ZOOM_LIMIT) if steps else 0
+        self.zoom = min(max(self.zoom + steps, -ZOOM_LIMIT), ZOOM_LIMIT) if steps else 0
         self._look(None)
 
     def follow_next(self) -> None:
@@ -127,22 +114,22 @@ class MapPane(Pane):
 
     def action_pan(self, columns: int, rows: int) -> None:
         """Move the cursor by a cell, else the ground by some."""
-        if self._view is None:
+        if self.view is None:
             return
-        if self._ruler.cursor is None:
-            self._look(self._view.moved(columns * PAN_STEP[0], rows * PAN_STEP[1]))
+        if self.ruler.cursor is None:
+            self._look(self.view.moved(columns * PAN_STEP[0], rows * PAN_STEP[1]))
             return
-        step = self._view.metres_per_dot
-        east, north = self._ruler.cursor
-        self._ruler = replace(self._ruler, cursor=(east + 2 * columns * step, north - 4 * rows * step))
-        if self._view.cell(np.array(self._ruler.cursor)) is None:
-            self._look(self._view.moved(columns * PAN_STEP[0], rows * PAN_STEP[1]))
+        step = self.view.metres_per_dot
+        east, north = self.ruler.cursor
+        self.ruler = replace(self.ruler, cursor=(east + 2 * columns * step, north - 4 * rows * step))
+        if self.view.cell(np.array(self.ruler.cursor)) is None:
+            self._look(self.view.moved(columns * PAN_STEP[0], rows * PAN_STEP[1]))
         self.redraw()
 
     def action_home(self) -> None:
         """Look where the UAV was first; nobody knows where before the analysis of a recording came by."""
-        if self._view is not None and self.snapshot is not None and not self.snapshot.provisional:
-            self._look(replace(self._view, east=float(HOME_ENU[0]), north=float(HOME_ENU[1])))
+        if self.view is not None and self.snapshot is not None and not self.snapshot.provisional:
+            self._look(replace(self.view, east=float(HOME_ENU[0]), north=float(HOME_ENU[1])))
 
     def action_trails(self) -> None:
         """Go on to the next length of trails."""
@@ -151,14 +138,14 @@ class MapPane(Pane):
 
     def action_ruler(self) -> None:
         """Put a cursor in the middle, or take it away."""
-        if self._view is not None:
-            on = self._ruler.cursor is None
-            self._ruler = Ruler(cursor=(self._view.east, self._view.north)) if on else Ruler()
+        if self.view is not None:
+            on = self.ruler.cursor is None
+            self.ruler = Ruler(cursor=(self.view.east, self.view.north)) if on else Ruler()
             self.redraw()
 
     def action_pick_place(self) -> None:
         """Measure from the cursor, then to it."""
-        self._ruler = self._ruler.picked()
+        self.ruler = self.ruler.picked()
         self.redraw()
 
     def _look(self, view: MapView | None) -> None:
@@ -170,7 +157,7 @@ class MapPane(Pane):
     def note(self) -> Sequence[Part]:
         """Words for what is followed, how far the zoom is from fitting, how long trails are."""
         held = f"follows {self.follow}" if self.follow else "panned, c: follow"
-        zoom = f" · zoom {self._zoom:+d}" if self._zoom and not self._free else ""
+        zoom = f" · zoom {self.zoom:+d}" if self.zoom and not self._free else ""
         span = TRAILS_S[self._span]
         return [(f"{held}{zoom} · trail {age(span) if span else 'off'} ", ink(FAINT, HEAD))]
 
@@ -188,11 +175,11 @@ class MapPane(Pane):
         if before is not None and origin is not None:
             east, north, _ = origin.to_enu_point(before.lat_deg, before.lon_deg, before.alt_m)
             if math.hypot(east, north) < FARTHEST_ORIGIN_M:
-                self._ruler = self._ruler.shifted(east, north)
+                self.ruler = self.ruler.shifted(east, north)
                 if self._free is not None:
                     self._free = replace(self._free, east=self._free.east + east, north=self._free.north + north)
                 return
-        self._free, self._ruler = None, Ruler()
+        self._free, self.ruler = None, Ruler()
 
     def on_unmount(self) -> None:
         """Close the tiles."""
@@ -207,12 +194,12 @@ class MapPane(Pane):
             return [line([(" waiting for positions …", ink(FAINT))], width)]
         if not self.snapshot.analysed:
             return []
-        view = self._view = self._view_of(self.snapshot, width, max(1, height - 1))
+        view = self.view = self._view_of(self.snapshot, width, max(1, height - 1))
         span = TRAILS_S[self._span]
         trails = tuple(self._trails(self.snapshot.t_us, span, self.snapshot.origin)) if span else ()
         ground = self._basemap.picture(view, self.snapshot.origin, pack(PANEL)) if self._basemap else None
         credit = self._basemap.tiles.credit if self._basemap and ground is not None else ""
-        extras = MapExtras(track=self.picked_track, trails=trails, ruler=self._ruler, ground=ground, credit=credit)
+        extras = MapExtras(track=self.picked_track, trails=trails, ruler=self.ruler, ground=ground, credit=credit)
         self._labelling = map_labels(self.snapshot, self.selected, view, self._labelling, extras)
         return chart_cells(self.snapshot, self.selected, view, self._labelling, extras).strips()[:height]
 
@@ -224,7 +211,7 @@ class MapPane(Pane):
         centre = self._centre(snapshot)
         points = points_of(snapshot)
         self._scale = map_view_of(points, width, rows, before=self._scale, centre=centre).metres_per_dot
-        return map_view_of(points, width, rows, before=self._scale, zoom=self._zoom, centre=centre)
+        return map_view_of(points, width, rows, before=self._scale, zoom=self.zoom, centre=centre)
 
     def _centre(self, snapshot: Snapshot) -> NDArray[np.float64] | None:
         if self.follow == "UAV":
@@ -243,8 +230,8 @@ class MapPane(Pane):
 
     def _zoom_at(self, event: events.MouseEvent, steps: int) -> None:
         event.stop()
-        if self._view is not None:
-            self._look(self._view.zoomed(steps, event.x, event.y - 1))
+        if self.view is not None:
+            self._look(self.view.zoomed(steps, event.x, event.y - 1))
 
     def on_mouse_down(self, event: events.MouseDown) -> None:
         """Take hold of the ground; the heading has keys to click on."""
@@ -256,12 +243,12 @@ class MapPane(Pane):
 
     def on_mouse_move(self, event: events.MouseMove) -> None:
         """Move the ground with the pointer."""
-        if self._dragged_from is None or self._view is None:
+        if self._dragged_from is None or self.view is None:
             return
         columns, rows = self._dragged_from[0] - event.x, self._dragged_from[1] - event.y
         if columns or rows:
             self._dragged_from, self._moved = (event.x, event.y), True
-            self._look(self._view.moved(columns, rows))
+            self._look(self.view.moved(columns, rows))
 
     def on_mouse_up(self, event: events.MouseUp) -> None:
         """Let go."""
@@ -270,14 +257,14 @@ class MapPane(Pane):
 
     def on_click(self, event: events.Click) -> None:
         """Pick the vehicle or the box under the pointer, or measure there with the ruler."""
-        if self._moved or self.snapshot is None or self._view is None or event.y < 1:
+        if self._moved or self.snapshot is None or self.view is None or event.y < 1:
             return
-        if self._ruler.cursor is not None:
-            east, north = self._view.ground(event.x, event.y - 1).tolist()
-            self._ruler = replace(self._ruler, cursor=(east, north)).picked()
+        if self.ruler.cursor is not None:
+            east, north = self.view.ground(event.x, event.y - 1).tolist()
+            self.ruler = replace(self.ruler, cursor=(east, north)).picked()
             self.redraw()
         else:
-            self.post_message(VehiclePicked(*marked_at(self.snapshot, self._view, event.x, event.y - 1)))
+            self.post_message(VehiclePicked(*marked_at(self.snapshot, self.view, event.x, event.y - 1)))
 
 
 def map_pane(station: Station, trails: TrailSource) -> MapPane:

@@ -258,7 +258,7 @@ def is_flooded_while_its_receiver_hangs(tmp_path, started, sender):
     with Station(tmp_path, ingest=ingest) as station:
         sender.sendto(frame, (HOST, port))
         wait_for(ingest, 1)
-        os.kill(ingest.pid, signal.SIGSTOP)
+        os.kill(ingest.supervisor.process.pid, signal.SIGSTOP)
         # many of them, and large ones so that the buffer is full before another process takes over
         for datagram in [frame] * FLOOD + [bytes(LARGE)] * (2 * ingest.health().links[0].buffer_bytes // LARGE):
             sender.sendto(datagram, (HOST, port))

@@ -14,9 +14,10 @@ from gcs.tui import RollcallApp
 from gcs.tui.draw.map_canvas import STANDING_MARKS
 from gcs.tui.draw.xterm_palette import FIRST, PALETTE, SIXTEEN
 from gcs.tui.palette import LINE, ink, standing_colour, use_depth, use_theme
-from gcs.tui.themes import BACKGROUNDS, THEMES, Colour, ThemeName
+from gcs.tui.themes import THEMES, Colour, ThemeName
 from tests.support.fake_station import SMALL, WIDE, FakeStation, comes_true, make_snapshot
 
+BACKGROUNDS = (Colour.PANEL, Colour.HEAD, Colour.PICKED, Colour.ALARM_TINT, Colour.WARN_TINT)
 READABLE = 4.5
 """WCAG 2.2, contrast of text, level AA."""
 VISIBLE = 3.0

@@ -8,7 +8,7 @@ from pymavlink.dialects.v20 import ardupilotmega
 
 from mavlink.protocol.dialect import DEFINITIONS, message_name
 from mavlink.protocol.framing import FrameCounts, Framer, checksum, split
-from mavlink.protocol.packet import Packet
+from mavlink.protocol.packet import MAGIC_V1, MAGIC_V2, Packet
 from tests.support.frames import EVERY_VERSION, some_frames
 
 
@@ -35,7 +35,7 @@ def test_header_is_read_as_the_dialect_reads_it():
 
 def test_signed_and_version():
     assert [Packet(0, EVERY_VERSION[i]).signed for i in (0, 40, 80)] == [False, False, True]
-    assert [Packet(0, EVERY_VERSION[i]).version for i in (0, 40, 80)] == [2, 1, 2]
+    assert [EVERY_VERSION[i][0] for i in (0, 40, 80)] == [MAGIC_V2, MAGIC_V1, MAGIC_V2]
 
 
 def test_several_frames_and_text_in_one_datagram():

@@ -8,13 +8,13 @@ from pymavlink.dialects.v20 import ardupilotmega
 
 from mavlink.errors import SigningError
 from mavlink.protocol import decode
-from mavlink.protocol.dialect import DEFINITIONS
+from mavlink.protocol.dialect import DEFINITIONS, RADIO_STATUS
 from mavlink.protocol.framing import FrameCounts, checksum, split
 from mavlink.protocol.packet import Auth, Packet
 from mavlink.signing.keys import Key, KeyRing
 from mavlink.signing.signer import Signer
 from mavlink.signing.streams import AHEAD, BEHIND, MAX_STREAMS, SECOND, Streams
-from mavlink.signing.verifier import RADIO_STATUS, STATE_MESSAGES, Verifier, without_secret
+from mavlink.signing.verifier import STATE_MESSAGES, Verifier, without_secret
 from tests.support.signed_vehicles import NOW, T0, Sender, Still, ring_of, secret_of, verifier
 
 S = 1_000_000

@@ -12,7 +12,6 @@ import pytest
 from infra.files.append import AppendFile
 from infra.files.record_state import RecordState, overall
 from infra.files.segment import segments
-from mavlink.errors import TlogError
 from mavlink.protocol.packet import Auth
 from mavlink.tlog.writer import TlogWriter
 from tests.support.bundled import ROOT
@@ -169,7 +168,7 @@ def test_a_deleted_file_never_takes_the_place_of_another(writer, path):
 def test_a_log_that_another_program_cuts_short_is_told_and_goes_on_in_a_new_segment(writer, path, left):
     for k in range(3):
         writer.write(packet(k))
-    writer.sync()
+    assert until(lambda: path.read_bytes() == records(3))
     os.truncate(path, left)
     assert until(lambda: len(segments(path)) == 2 and writer.state.failing_s == 0)
     assert writer.state.reason == f"cut short by another program, {len(records(3)) - left} bytes are gone"
@@ -212,8 +211,6 @@ def test_what_still_waits_at_the_end_is_said_to_be_lost(tmp_path, disk):
     writer.write(packet(0))
     disk.room = 0
     writer.write(packet(1))
-    with pytest.raises(TlogError, match="No space left"):
-        writer.sync()
     writer.close()
     writer.close()
     assert writer.state.lost == 1
