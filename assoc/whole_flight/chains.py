@@ -92,7 +92,7 @@ def pair_scores(
     """
     r = residuals.at(pose.theta, pose.common)
     near = _near(residuals, r, errors)
-    usual = _usual_score(segments, residuals, owner) * segments.share + _PER_S * segments.seen_s
+    usual = _usual_score(segments, residuals, owner) + _PER_S * segments.seen_s
     score = np.full(near.shape, NEVER)
     for segment, vehicle in np.argwhere(near).tolist():
         rows = residuals.rows(segment, vehicle, _MAX_ROWS)
@@ -168,7 +168,7 @@ def scores_as_parts(
     if len(every) < 2:
         return None
     # what the whole gains by being one of ours, each part gains by its share
-    usual = _usual_score(segments, residuals, owner) * segments.share[segment] + _PER_S * segments.seen_s[segment]
+    usual = _usual_score(segments, residuals, owner) + _PER_S * segments.seen_s[segment]
     passed = np.linspace(0.0, 1.0, len(every) + 1)
     n = has.shape[1]
     before, after = (np.full((len(every), n + 1), NEVER) for _ in range(2))

@@ -55,8 +55,6 @@ class Segments:
     """(F, S) frames in which each was seen."""
     apart: BoolArray
     """(S, S) pairs that cannot be one vehicle: they were seen together."""
-    share: FloatArray
-    """(S,) share of an object's track that each is in time: parts of one are one coincidence together."""
     theta: FloatArray
     """(9,) median pose correction of the identifier in the later half."""
 
@@ -90,11 +88,7 @@ class Segments:
             if segment in behind and 1e-6 * (t_us - self.origin_us) >= behind[segment][1]:
                 of[t_us, track] = behind[segment][0]
         seen = np.isfinite(history.ray[: history.n, :, 0])
-        share = np.concatenate([self.share, np.zeros(len(at))])
-        for segment, (part, _) in behind.items():
-            frames = np.count_nonzero(seen[:, [segment, part]], axis=0)
-            share[[segment, part]] = share[segment] * frames / max(np.sum(frames), 1)
-        return replace(self, history=history, of=of, seen=seen, apart=_apart(seen), share=share)
+        return replace(self, history=history, of=of, seen=seen, apart=_apart(seen))
 
 
 class FlightEvidence:
@@ -186,7 +180,6 @@ class FlightEvidence:
             of=of,
             seen=seen_in,
             apart=_apart(seen_in),
-            share=np.ones(seen_in.shape[1]),
             theta=theta,
         )
 

@@ -49,6 +49,8 @@ _ANEW_NATS = 10.0
 """Advantage in nats that a naming found from no name at all needs: known names are evidence, too."""
 _TRIES = 6
 """Most times that segments are cut where they go on as another object, and named anew."""
+_CUT_NATS = 4.0
+"""Cost of each cut, nats: what is behind it is one coincidence more."""
 _MISSED_PER_S, _PIECE = 0.5, 2.0
 """Cost of a second without a box, and of each segment, nats: a vehicle is missed for some seconds, not for
 many, and is not one object after another.
@@ -185,7 +187,7 @@ def _cut_at_changes(segments: Segments, q: IdentifierParams, best: _Named) -> tu
         owner = np.concatenate([best.owner, [change.after for change in found]])
         owner[[change.segment for change in found]] = [change.before for change in found]
         named = _named(parts, q, owner, best.pose.theta)
-        if named.worth > best.worth:
+        if named.worth > best.worth + _CUT_NATS * len(found):
             segments, best = parts, named
             if found is every:
                 break
@@ -263,7 +265,7 @@ def _worth(score: FloatArray, owner: IntArray) -> FloatArray:
 
 def _against_others(score: FloatArray, segments: Segments) -> FloatArray:
     """(S, n) scores for the comparison with segments that cannot be the same vehicle: one that lasts beats many."""
-    lasts = (_MISSED_PER_S * segments.seen_s - _PIECE * segments.share)[:, None]
+    lasts = (_MISSED_PER_S * segments.seen_s - _PIECE)[:, None]
     return np.asarray(np.where(score > 0.0, score + lasts, score))
 
 
