@@ -133,6 +133,11 @@ class Ingest:
         assert self._supervisor is not None
         return self._supervisor
 
+    @property
+    def pid(self) -> int:
+        """Id of the present process."""
+        return self.supervisor.process.pid
+
     def read(self, timeout_s: float) -> list[Packet]:
         """Take all packets that have come since the last call, in order, each with what its signature is worth.
 

@@ -82,6 +82,7 @@ class Progress(msgspec.Struct, kw_only=True, tag=True):
     connections: int = 0
     skipped: int = 0
     undecoded: int = 0
+    damaged: int = 0
     strangers: int = 0
     sender: Sender | None = None
     """Sender that is listened to."""
@@ -103,6 +104,7 @@ class Progress(msgspec.Struct, kw_only=True, tag=True):
             connections=before.connections + self.connections,
             skipped=before.skipped + self.skipped,
             undecoded=before.undecoded + self.undecoded,
+            damaged=before.damaged + self.damaged,
             strangers=before.strangers + self.strangers,
         )
 

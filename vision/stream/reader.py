@@ -250,6 +250,7 @@ class _OpenStream:
             return False
         if recording is not None:
             recording.write(packet, taken_s)
+        reader.progress.damaged += packet.is_corrupt
         self.list(order.add(pts, pts if packet.dts is None else packet.dts))
         return True
 
@@ -298,6 +299,7 @@ class _OpenStream:
             pts = frame.pts
             if pts is None:
                 continue
+            reader.progress.damaged += frame.is_corrupt
             place = self._placed.get(pts)
             if place is None:
                 place = reader.order.place(pts), round(self._taken_s(pts) * 1e6)

@@ -95,6 +95,7 @@ def guess_codec(payload: bytes) -> Codec:
 class _ReorderBuffer:
     """Datagrams by sequence number."""
 
+    lost: int = 0
     _next: int | None = None
     _waiting: dict[int, RtpPacket] = field(default_factory=dict)
 
@@ -108,7 +109,9 @@ class _ReorderBuffer:
         self._waiting[self._next + ahead] = datagram
         turn = self._pop_in_order()
         if len(self._waiting) > MAX_WAITING or sum(d.marker for d in self._waiting.values()) >= 2:
-            self._next = min(self._waiting)
+            first = min(self._waiting)
+            self.lost += first - self._next
+            self._next = first
             gap = self._pop_in_order()
             turn += [(gap[0][0], True), *gap[1:]]
         return turn
@@ -151,6 +154,11 @@ class Depacketizer:
         self._whole = True
         self._prefix, self._prefix_key = b"", False
 
+    @property
+    def lost(self) -> int:
+        """Datagrams that never came."""
+        return self._order.lost
+
     def full_time(self, source: int, time: int) -> int | None:
         """A time of this sender (90 kHz, 32 bits) counted as those of the units are; None of another, or before any."""
         if source != self._source or self._time is None:
@@ -172,7 +180,7 @@ class Depacketizer:
     def _change(self, datagram: RtpPacket) -> list[Unit]:
         """Change to another sender, or to the same one with numbers that begin elsewhere."""
         self._odd = None
-        self._order, self._source = _ReorderBuffer(), datagram.source
+        self._order, self._source = _ReorderBuffer(self._order.lost), datagram.source
         units = self._finish()
         self._time = None
         return units + self._put(datagram)

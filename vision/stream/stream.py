@@ -138,6 +138,11 @@ class VideoStream:
         self._supervisor.supervise()
 
     @property
+    def connected(self) -> bool:
+        """True if packets are coming in."""
+        return self._progress.connected and not self.stalled
+
+    @property
     def ended(self) -> bool:
         """True if a file came to its end."""
         return self._progress.ended
@@ -156,6 +161,11 @@ class VideoStream:
     def undecoded(self) -> int:
         """Packets recorded but never decoded, because of damage or because decoding had fallen behind."""
         return self._progress.undecoded
+
+    @property
+    def damaged(self) -> int:
+        """Packets and frames that the decoder or the transport reports as incomplete or damaged."""
+        return self._progress.damaged
 
     @property
     def strangers(self) -> int:
@@ -197,6 +207,11 @@ class VideoStream:
     def recording_error(self) -> str:
         """Reason why the recording broke off, empty while it is well."""
         return self._conceal(self._progress.recording_error)
+
+    @property
+    def process_id(self) -> int:
+        """Id of the process that reads the video now."""
+        return self._supervisor.process.pid
 
     @property
     def restarts(self) -> int:

@@ -32,14 +32,14 @@ def test_death_of_the_process_loses_nothing(started, sender, tmp_path):
     thread = threading.Thread(target=steady, args=(sender, port, frames[:-1], rate))
     thread.start()
     packets = wait_for(ingest, int(0.6 * rate))
-    first = ingest.supervisor.process.pid
+    first = ingest.pid
     os.kill(first, signal.SIGKILL)
     thread.join()
     assert until(lambda: ingest.health().restarts == 1)
     sender.sendto(frames[-1], (HOST, port))
     packets += read_to(ingest, frames[-1])
     health, texts = ingest.health(), [notice.text for notice in ingest.notices()]
-    assert health.restarts == 1 and ingest.supervisor.process.pid != first and health.gap_s > 0.0
+    assert health.restarts == 1 and ingest.pid != first and health.gap_s > 0.0
     gap = f"nothing received for {health.gap_s:.1f} s"
     assert any("died (signal 9" in text and gap in text for text in texts)
     ingest.stop()
@@ -63,7 +63,7 @@ def test_senders_keep_their_numbers_and_are_known_when_another_process_takes_ove
         told = [ingest.address(0, numbers[k + 1]) for k in range(3)]
         assert told == [f"{HOST}:{sock.getsockname()[1]}" for sock in socks]
         assert ingest.address(0, 99) == ingest.address(1, 1) == ""
-        os.kill(ingest.supervisor.process.pid, signal.SIGKILL)
+        os.kill(ingest.pid, signal.SIGKILL)
         assert until(lambda: ingest.health().restarts == 1)
         ingest.send(0, b"the second alone", numbers[2])
         assert socks[1].recv(100) == b"the second alone"
@@ -84,7 +84,7 @@ def test_a_process_that_hangs_is_replaced_and_loses_nothing(started, sender, tmp
     frames = heartbeats(int(1.5 * rate))
     sender.sendto(frames[0], (HOST, port))
     packets = wait_for(ingest, 1)
-    os.kill(ingest.supervisor.process.pid, signal.SIGSTOP)
+    os.kill(ingest.pid, signal.SIGSTOP)
     steady(sender, port, frames[1:], rate)
     packets += wait_for(ingest, len(frames) - 1)
     assert [packet.raw for packet in packets] == frames
@@ -101,7 +101,7 @@ def test_what_the_system_drops_while_a_process_hangs_is_counted(started, sender)
     ingest, port = started()
     sender.sendto(heartbeats(1)[0], (HOST, port))
     wait_for(ingest, 1)
-    os.kill(ingest.supervisor.process.pid, signal.SIGSTOP)
+    os.kill(ingest.pid, signal.SIGSTOP)
     sent = 2 * ingest.health().links[0].buffer_bytes // size
     for _ in range(sent):
         sender.sendto(junk, (HOST, port))
@@ -126,11 +126,11 @@ def test_how_far_it_has_heard_stands_still_while_nobody_receives(started, sender
         return ingest.heard_us
 
     assert until(lambda: heard_us() > packet.t_us) and until(lambda: heard_us() > time.time() * 1e6 - 400_000)
-    os.kill(ingest.supervisor.process.pid, signal.SIGSTOP)
+    os.kill(ingest.pid, signal.SIGSTOP)
     stopped_us = time.time() * 1e6
     for _ in range(5):
         assert heard_us() <= stopped_us
-    os.kill(ingest.supervisor.process.pid, signal.SIGKILL)
+    os.kill(ingest.pid, signal.SIGKILL)
     assert until(lambda: heard_us() > stopped_us + 500_000), "another process takes over"
 
 
@@ -139,8 +139,7 @@ def test_a_station_that_stalls_or_dies_takes_no_record_with_it(sender, tmp_path)
     port = free_port()
     code = (
         "import sys, time; from pathlib import Path; from mavlink.ingest.ingest import Ingest\n"
-        f"i = Ingest(['udpin:{HOST}:{port}'], Path(sys.argv[1]) / 'telemetry.tlog')\n"
-        "print(i.supervisor.process.pid, flush=True)\n"
+        f"i = Ingest(['udpin:{HOST}:{port}'], Path(sys.argv[1]) / 'telemetry.tlog'); print(i.pid, flush=True)\n"
         "n = 0\n"
         "while n < 2001: n += len(i.read(0.2))\n"
         "print(n, flush=True); time.sleep(60)\n"
@@ -283,7 +282,7 @@ def test_records_are_numbered_over_all_processes(started, sender, tmp_path):
         sent += 10
         assert len(wait_for(ingest, 10)) == 10
         if life < 2:
-            os.kill(ingest.supervisor.process.pid, signal.SIGKILL)
+            os.kill(ingest.pid, signal.SIGKILL)
             assert until(lambda now=life: ingest.health().restarts == now + 1)
     ingest.stop()
     assert len(recorded(tmp_path)) == 30  # in as many segments as there were processes that came to write

@@ -83,7 +83,7 @@ def test_what_is_held_is_believed_once_an_operator_accepts_it(station, vehicle):
     vehicle.speak(to, 100)
     assert judged(ingest, 100) == {"GOOD": 100}
     # a process that takes over knows it
-    os.kill(ingest.supervisor.process.pid, signal.SIGKILL)
+    os.kill(ingest.pid, signal.SIGKILL)
     assert until(lambda: ingest.health().restarts == 1)
     assert set(heard(ingest, vehicle.out, to, vehicle.said)) == {"REPLAYED"}
     vehicle.speak(to, 100)
@@ -117,8 +117,8 @@ def test_only_the_vehicle_itself_is_believed_across_crash_and_restart(station, v
     vehicle.speak(to, 200)
     assert judged(ingest, 200) == {"GOOD": 200}
     for name in ("cmdline", "environ"):
-        assert holds_no_key(Path(f"/proc/{ingest.supervisor.process.pid}/{name}").read_bytes())
-    os.kill(ingest.supervisor.process.pid, signal.SIGKILL)
+        assert holds_no_key(Path(f"/proc/{ingest.pid}/{name}").read_bytes())
+    os.kill(ingest.pid, signal.SIGKILL)
     assert until(lambda: ingest.health().restarts == 1)
     assert heard(ingest, vehicle.out, to, vehicle.said) == {"REPLAYED": 500}
     vehicle.speak(to, 100)

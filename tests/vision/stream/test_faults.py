@@ -86,10 +86,11 @@ def test_a_sender_that_returns_at_any_moment_is_recorded_within_a_group_of_frame
 def test_a_silent_sender_is_told_and_taken_back(tmp_path):
     with Watched(tmp_path) as watched:
         with Sender(watched.port, coded(CLIP)[:500]) as sender:
-            assert until(lambda: len(watched.rows) >= 45 and not watched.stream.stalled)
+            assert until(lambda: len(watched.rows) >= 45 and not watched.stream.stalled and watched.stream.connected)
         count = sender.sent
         assert watched.shows(count - 1)
         assert until(lambda: watched.stream.stalled)
+        assert not watched.stream.connected
         # what the transport held back to the end is not news: it stays stalled until something comes
         assert not until(lambda: not watched.stream.stalled, 3)
         with Sender(watched.port, coded(CLIP)[500:]):
@@ -105,12 +106,12 @@ def test_a_silent_sender_is_told_and_taken_back(tmp_path):
 def test_a_process_that_dies_or_hangs_is_started_again(tmp_path, number):
     with Watched(tmp_path) as watched, Sender(watched.port, coded(CLIP)):
         assert watched.shows(30)
-        victim = watched.stream._supervisor.process.pid
+        victim = watched.stream.process_id
         os.kill(victim, number)
         assert until(lambda: watched.stream.restarts == 1)
         assert "started again" in watched.stream.error
         before = len(watched.rows)
-        assert watched.shows(before + 20) and watched.stream._supervisor.process.pid != victim
+        assert watched.shows(before + 20) and watched.stream.process_id != victim
         frame = watched.stream.latest(60.0)
         assert frame is not None and frame.index >= before
     film, video = watched.film()
@@ -128,13 +129,13 @@ def test_a_process_that_waits_for_its_disk_is_not_ended(tmp_path, monkeypatch):
     with Watched(tmp_path) as watched, Sender(watched.port, coded(CLIP)):
         assert watched.shows(30)
         monkeypatch.setattr(ChildProcess, "waits_for_disk", property(lambda process: True))
-        victim = watched.stream._supervisor.process.pid
+        victim = watched.stream.process_id
         os.kill(victim, signal.SIGSTOP)
         time.sleep(WAITING_PATIENCE_S + 1.0)
-        assert watched.stream.stalled and watched.stream._supervisor.process.pid == victim
+        assert watched.stream.stalled and watched.stream.process_id == victim
         os.kill(victim, signal.SIGCONT)
         assert watched.shows(len(watched.rows) + 10)
-        assert watched.stream.restarts == 0 and watched.stream._supervisor.process.pid == victim
+        assert watched.stream.restarts == 0 and watched.stream.process_id == victim
     assert not (tmp_path / "video.1.mkv").exists()
 
 
@@ -157,6 +158,7 @@ def test_damage_on_the_way_is_counted_and_never_raises(tmp_path):
             before = len(watched.rows)
             assert watched.shows(before + 20)
             assert until(lambda: sender.sent > 30 and watched.rows[-1][1] * 1e-6 > sender.stamps_s[30])
+        assert watched.stream.damaged + watched.stream.undecoded > 0
         assert watched.stream.restarts == 0
     film, _ = watched.film()
     assert {number for _, number in film} >= set(range(120, 125))  # the next whole group of pictures
@@ -182,6 +184,7 @@ def test_strangers_on_the_port_do_not_disturb(tmp_path):
         finally:
             stop.set()
             noise.join()
+        assert watched.stream.damaged == 0
     film, _ = watched.film()
     assert [number for _, number in film][:78] == list(range(78))
 
@@ -194,7 +197,7 @@ def test_a_server_that_never_answers_is_given_up_and_tried_again():
             # a bound on waiting, not on speed: without it FFmpeg takes half a minute
             assert until(lambda: "no answer within 3 s" in stream.error)
             second, _ = server.accept()
-            assert stream.restarts == 0 and stream.stalled
+            assert stream.restarts == 0 and not stream.connected and stream.stalled
         first.close()
         second.close()
 

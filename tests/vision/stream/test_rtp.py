@@ -41,7 +41,7 @@ def renumbered(data, sequence=None, time=None, source=None):
 def test_access_units_come_out_as_they_went_in(packed):
     codec, encoded, datagrams = packed
     depacketizer, units = feed(datagrams)
-    assert depacketizer.codec == codec
+    assert depacketizer.codec == codec and depacketizer.lost == 0
     assert len(datagrams) > 1.5 * COUNT  # large frames were cut in pieces
     assert len(units) == COUNT and all(unit.whole for unit in units)
     assert [nals(unit.data) for unit in units] == [nals(unit) for unit in encoded]
@@ -57,15 +57,16 @@ def test_datagrams_in_the_wrong_order_are_put_right(packed):
         if rng.random() < 0.5:
             mixed[at], mixed[at + 1] = mixed[at + 1], mixed[at]
     assert mixed != datagrams
-    _, units = feed(mixed)
+    depacketizer, units = feed(mixed)
+    assert depacketizer.lost == 0
     assert [nals(unit.data) for unit in units] == [nals(unit) for unit in encoded]
 
 
 def test_a_lost_datagram_costs_its_own_frame(packed):
     _, encoded, datagrams = packed
     drop = set(random.Random(3).sample(range(10, len(datagrams) - 10), 5))
-    _, units = feed([data for k, data in enumerate(datagrams) if k not in drop])
-    assert not all(unit.whole for unit in units)
+    depacketizer, units = feed([data for k, data in enumerate(datagrams) if k not in drop])
+    assert depacketizer.lost == 5
     whole = {unit.time for unit in units if unit.whole}
     by_time = {(k * 90_000 // 25): nals(unit) for k, unit in enumerate(encoded)}
     assert all(nals(unit.data) == by_time[unit.time - units[0].time] for unit in units if unit.whole)
@@ -81,8 +82,8 @@ def test_numbers_run_over_and_another_sender_begins_anew(packed):
         for data in datagrams
     ]
     other = [renumbered(data, parse(data).sequence + 31000, source=77) for data in datagrams]
-    _, units = feed(over + other)
-    assert len(units) == 2 * COUNT
+    depacketizer, units = feed(over + other)
+    assert depacketizer.lost == 0 and len(units) == 2 * COUNT
     assert np.diff([unit.time for unit in units[:COUNT]]).tolist() == [3600] * (COUNT - 1)
     assert [nals(unit.data) for unit in units[COUNT:]] == [nals(unit) for unit in encoded]
 

@@ -42,7 +42,7 @@ def test_a_camera_is_played_and_recorded(tmp_path):
         assert watched.shows_more()
         shown = watched.stream.latest(60.0)
         assert number_of(shown.image) >= shown.index
-        assert watched.stream.error == "" and until(lambda: not watched.stream.stalled)
+        assert watched.stream.error == "" and until(lambda: watched.stream.connected)
         watched.stream.close()
         assert server.plays == 1
     numbers = film(tmp_path / "video.mkv", watched.rows)
@@ -80,6 +80,7 @@ def test_a_camera_that_dies_and_comes_back_goes_on_in_the_same_file(tmp_path):
             assert watched.shows_more()
             server.close()
             assert until(lambda: watched.stream.stalled and "cannot be opened" in watched.stream.error)
+            assert not watched.stream.connected
             server = RtspServer(packed(CLIP), server.port)
             assert watched.shows_more()
             assert reconnects(watched.stream) == 1 and watched.stream.restarts == 0 and watched.stream.error == ""

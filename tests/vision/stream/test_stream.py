@@ -83,7 +83,7 @@ def test_what_is_listed_is_what_is_recorded(tmp_path, sender, capfd):
         frame = stream.latest(0.2)
         if frame is not None:
             shown.append((frame.index, frame.t_us, number_of(frame.image)))
-    assert until(lambda: not stream.stalled)
+    assert until(lambda: stream.connected and not stream.stalled)
     stream.close()
     end_us = time.time() * 1e6
     assert stream.recording_error == "" and stream.received == len(rows) >= 2 * FPS
@@ -129,7 +129,7 @@ def test_rtp_is_received_as_well(tmp_path, encoder, key, source):
     frame = stream.latest(60.0)
     assert frame is not None and number_of(frame.image) == frame.index == 49
     stream.close()
-    assert (stream.received, stream.undecoded, stream.error) == (50, 0, "")
+    assert (stream.received, stream.damaged, stream.undecoded, stream.error) == (50, 0, 0, "")
     assert np.diff([t_us for _, t_us in rows]).max() < 1e6 / FPS + 2000
     with VideoFile.open(tmp_path / "video.mkv") as video:
         assert [number_of(frame.image) for frame in video.frames()] == list(range(50))
@@ -194,6 +194,7 @@ def test_silence_is_told_and_closing_does_not_wait_for_it(capfd):
     with VideoStream(f"udp://127.0.0.1:{free_port()}", stall_s=0.2) as stream:
         assert stream.latest(0.1) is None
         assert until(lambda: stream.stalled)
+        assert not stream.connected
         process = stream._supervisor.process
     assert process._process.poll() == 0, "it waited for nobody, and was not killed"
     assert capfd.readouterr() == ("", "")
