@@ -134,6 +134,28 @@ def test_names_stay_where_the_arithmetic_fails(flown, monkeypatch):
     assert [s.boxes for s in alone] == [s.boxes for s in whole]
 
 
+@pytest.mark.parametrize(
+    ("alone", "named"), [(0.99, True), (0.95, False)], ids=["known by itself", "not known by itself"]
+)
+def test_a_track_that_is_known_by_itself_and_nobodys_by_the_whole_has_a_tentative_name(
+    flown, monkeypatch, alone, named
+):
+    snapshots, mission, evidence = flown
+    n = len(mission.ugv_ids)
+    by_itself = np.full(n + 1, (1.0 - alone) / n)
+    by_itself[0] = alone
+    monkeypatch.setattr("gcs.playback.hindsight._Course.at", lambda *_: by_itself)
+    monkeypatch.setattr(
+        "gcs.playback.whole_flight.segment_names",
+        lambda *args: replace(names := segment_names(*args), p=np.eye(n + 1)[np.full(len(names.p), n)]),
+    )
+    monkeypatch.setattr("gcs.playback.whole_flight._MIN_GAIN", -1.0)
+    given = [box for s in by_hindsight(snapshots, mission, evidence) for box in s.boxes if not box.coasting]
+    told = {box.confidence for box in given if box.system_id == mission.ugv_ids[0]}
+    assert bool(told) == named
+    assert all(mission.identity.threshold <= confidence < 0.9 for confidence in told)
+
+
 @pytest.mark.parametrize("gives_names", [True, False])
 def test_a_box_that_may_be_a_strangers_has_no_sure_name_in_any_stretch(flown, monkeypatch, gives_names):
     """Also in a stretch in which the whole gives fewer names than the tracks by themselves."""
