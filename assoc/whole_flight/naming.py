@@ -7,7 +7,8 @@ wanders (``chains``) are found together, each given the others in turn, until th
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,7 +30,7 @@ from assoc.whole_flight.chains import (
     with_whole_chains,
     without_outliers,
 )
-from assoc.whole_flight.changes import changes, exchanges
+from assoc.whole_flight.changes import Change, changes, exchanges
 from assoc.whole_flight.doubles import boxes_of_two, halved, without_doubles
 from assoc.whole_flight.evidence import Segments
 from assoc.whole_flight.owners import Namings
@@ -49,6 +50,8 @@ _ANEW_NATS = 10.0
 """Advantage in nats that a naming found from no name at all needs: known names are evidence, too."""
 _TRIES = 6
 """Most times that segments are cut where they go on as another object, and named anew."""
+_MOMENTS = 2
+"""Most moments at which all changes of an exchange are tried at once."""
 _CUT_NATS = 4.0
 """Cost of each cut, nats: what is behind it is one coincidence more."""
 _MISSED_PER_S, _PIECE = 0.5, 2.0
@@ -183,15 +186,45 @@ def _cut_at_changes(segments: Segments, q: IdentifierParams, best: _Named) -> tu
     # all at once, or else those of each exchange by themselves: one that is wrong may cost more than the others gain
     tried = [every, *apart] if len(apart) > 1 else apart
     for found in tried[:_TRIES]:
-        parts = segments.cut([(change.segment, change.at_s) for change in found])
-        owner = np.concatenate([best.owner, [change.after for change in found]])
-        owner[[change.segment for change in found]] = [change.before for change in found]
-        named = _named(parts, q, owner, best.pose.theta)
-        if named.worth > best.worth + _CUT_NATS * len(found):
-            segments, best = parts, named
+        better = max(
+            (_as_cut(segments, q, best, each) for each in [found, *_at_once(found, segments, best.owner)]),
+            key=lambda cut: cut[1].worth - _CUT_NATS * (len(cut[1].owner) - len(best.owner)),
+        )
+        if better[1].worth > best.worth + _CUT_NATS * (len(better[1].owner) - len(best.owner)):
+            segments, best = better
             if found is every:
                 break
     return segments, best
+
+
+def _as_cut(segments: Segments, q: IdentifierParams, best: _Named, found: Sequence[Change]) -> tuple[Segments, _Named]:
+    """The segments cut where they change, and who they are then."""
+    parts = segments.cut([(change.segment, change.at_s) for change in found])
+    owner = np.concatenate([best.owner, [change.after for change in found]])
+    owner[[change.segment for change in found]] = [change.before for change in found]
+    return parts, _named(parts, q, owner, best.pose.theta)
+
+
+def _at_once(found: Sequence[Change], segments: Segments, owner: IntArray) -> list[list[Change]]:
+    """The same changes at one moment, that of each, and with those whose vehicle a segment goes on as going on as its.
+
+    Two tracks are exchanged at once, while how well each fits may change sooner or later, or in one alone.
+    """
+    taken, t = {change.segment for change in found}, segments.history.t[: segments.history.n]
+    tried = list[list[Change]]()
+    for at_s in sorted({change.at_s for change in found})[:_MOMENTS]:
+        both = [replace(change, at_s=at_s) for change in found]
+        row = min(int(np.searchsorted(t, at_s)), len(t) - 1)
+        for change in found:
+            if min(change.before, change.after) < 0:
+                continue
+            for other in np.flatnonzero((owner == change.after) & segments.apart[change.segment]).tolist():
+                seen = np.flatnonzero(segments.seen[:, other])
+                if other not in taken and seen[0] < row <= seen[-1]:
+                    both.append(Change(segment=other, at_s=at_s, before=change.after, after=change.before))
+        if both != list(found) and len({change.segment for change in both}) == len(both):
+            tried.append(both)
+    return tried
 
 
 def _span(blocks: BoolArray) -> IntArray:

@@ -177,14 +177,16 @@ def test_a_track_far_off_where_all_others_are_right_may_be_a_stranger_that_drive
     assert np.diagonal(told[:3]).min() > 0.9, "the others are as sure as ever"
 
 
-@pytest.mark.parametrize("exchanged_s", [10.0, 16.0])
-def test_tracks_that_were_exchanged_before_anybody_was_named_have_two_names_each(exchanged_s):
+@pytest.mark.parametrize(("exchanged_s", "bias_m"), [(10.0, 0.0), (15.0, 0.0), (16.0, 0.5), (17.0, 0.5)])
+def test_tracks_that_were_exchanged_before_anybody_was_named_have_two_names_each(exchanged_s, bias_m):
+    """Also where one of the two tells later than the other, or not at all."""
+
     def exchanged(t, m):
         return np.arange(1, m + 1) if t < exchanged_s else np.array([2, 1, *range(3, m + 1)])
 
-    segments, p = probabilities(flown(alike(apart_m=3.0), ids=exchanged))
+    segments, p = probabilities(flown(alike(apart_m=3.0, bias_m=bias_m), ids=exchanged))
     assert [named(segments, p, exchanged_s - 5.0, track) for track in (1, 2, 3, 4)] == [0, 1, 2, 3]
-    assert [named(segments, p, exchanged_s + 2.0, track) for track in (1, 2, 3, 4)] == [1, 0, 2, 3]
+    assert [named(segments, p, exchanged_s + 1.5, track) for track in (1, 2, 3, 4)] == [1, 0, 2, 3]
 
 
 def test_a_track_that_goes_on_with_a_stranger_is_cut_there():
