@@ -186,12 +186,10 @@ def _cut_at_changes(segments: Segments, q: IdentifierParams, best: _Named) -> tu
     # all at once, or else those of each exchange by themselves: one that is wrong may cost more than the others gain
     tried = [every, *apart] if len(apart) > 1 else apart
     for found in tried[:_TRIES]:
-        better = max(
-            (_as_cut(segments, q, best, each) for each in [found, *_at_once(found, segments, best.owner)]),
-            key=lambda cut: cut[1].worth - _CUT_NATS * (len(cut[1].owner) - len(best.owner)),
-        )
-        if better[1].worth > best.worth + _CUT_NATS * (len(better[1].owner) - len(best.owner)):
-            segments, best = better
+        cuts = [_as_cut(segments, q, best, each) for each in [found, *_at_once(found, segments, best.owner)]]
+        gains = [named.worth - best.worth - _CUT_NATS * (len(named.owner) - len(best.owner)) for _, named in cuts]
+        if max(gains) > 0.0:
+            segments, best = cuts[int(np.argmax(gains))]
             if found is every:
                 break
     return segments, best
@@ -206,25 +204,30 @@ def _as_cut(segments: Segments, q: IdentifierParams, best: _Named, found: Sequen
 
 
 def _at_once(found: Sequence[Change], segments: Segments, owner: IntArray) -> list[list[Change]]:
-    """The same changes at one moment, that of each, and with those whose vehicle a segment goes on as going on as its.
+    """The same changes at one moment, each one's in turn, with those of the tracks whose vehicles they go on as.
 
     Two tracks are exchanged at once, while how well each fits may change sooner or later, or in one alone.
     """
-    taken, t = {change.segment for change in found}, segments.history.t[: segments.history.n]
     tried = list[list[Change]]()
     for at_s in sorted({change.at_s for change in found})[:_MOMENTS]:
         both = [replace(change, at_s=at_s) for change in found]
-        row = min(int(np.searchsorted(t, at_s)), len(t) - 1)
-        for change in found:
-            if min(change.before, change.after) < 0:
-                continue
-            for other in np.flatnonzero((owner == change.after) & segments.apart[change.segment]).tolist():
-                seen = np.flatnonzero(segments.seen[:, other])
-                if other not in taken and seen[0] < row <= seen[-1]:
-                    both.append(Change(segment=other, at_s=at_s, before=change.after, after=change.before))
+        own = {change.segment for change in found}
+        both += [other for change in both for other in _returned(change, segments, owner) if other.segment not in own]
         if both != list(found) and len({change.segment for change in both}) == len(both):
             tried.append(both)
     return tried
+
+
+def _returned(change: Change, segments: Segments, owner: IntArray) -> list[Change]:
+    """Changes by which tracks that are the vehicle it goes on as would go on as the one that it was."""
+    if min(change.before, change.after) < 0:
+        return []
+    t = segments.history.t[: segments.history.n]
+    others = np.flatnonzero((owner == change.after) & segments.apart[change.segment])
+    passed = segments.seen[:, others] & (t < change.at_s)[:, None]
+    follows = segments.seen[:, others] & (t >= change.at_s)[:, None]
+    returned = replace(change, before=change.after, after=change.before)
+    return [replace(returned, segment=other) for other in others[passed.any(axis=0) & follows.any(axis=0)].tolist()]
 
 
 def _span(blocks: BoolArray) -> IntArray:

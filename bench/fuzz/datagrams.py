@@ -146,7 +146,7 @@ Part = tuple[bytes, bool]
 
 
 Damage = Callable[[bytes, random.Random], list[Part]]
-"""What stands in a stream instead of a frame."""
+"""Parts of a stream that stand there instead of a frame, by the frame and a source of chance."""
 
 
 def _hit(damage: Damage, share: int = _SHARE, first: int = 3) -> Callable[[Sequence[bytes], random.Random], list[Part]]:
