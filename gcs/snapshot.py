@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from gcs.camera_aim import CameraAim
 from gcs.limits import Limits
 from mavlink.geodesy import LocalFrame
-from mavlink.state import Level, VehicleCondition
+from mavlink.state import Level, VehicleStatus
 
 NAN, NEVER = float("nan"), float("inf")
 HELD_SHOWN_S = 0.5
@@ -138,27 +138,11 @@ class Alarm:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class VehicleRow:
-    """One line of the fleet table."""
+class VehicleRow(VehicleStatus):
+    """One line of the fleet table: what a vehicle reports, and where it was found."""
 
-    system_id: int
     name: str
     role: Literal["uav", "ugv"]
-    kind: str = ""
-    """Vehicle type in a word (``copter``, ``rover``), empty before the first heartbeat."""
-    mode: str = ""
-    armed: bool | None = None
-    fix: str = ""
-    heartbeat_age_s: float = NEVER
-    position_age_s: float = NEVER
-    position_state: str = "never"
-    """``ok``, ``stale``, ``lost``, ``never``, ``refused`` or ``contested``."""
-    frozen: bool = False
-    """True if a position that is stale or lost comes over and over: it stands still for that age."""
-    loss: float = NAN
-    """Share of packets lost lately, 0..1, NaN unknown."""
-    link: int = -1
-    """Index of the link of its newest packet, −1 before any."""
     p_enu: NDArray[np.float64] = field(default_factory=_nowhere)
     """(3,) metres, NaN unknown."""
     heading: float = NAN
@@ -179,33 +163,6 @@ class VehicleRow:
     """Aircraft in whose pictures it is named too, where a flight has several cameras."""
     stated: bool = False
     """The identity is what the operator stated."""
-    contested: bool = False
-    """True if several senders use its system id: none of them is accepted."""
-    signed: int = 0
-    """Packets with a right signature."""
-    unsigned: int = 0
-    """Packets without a signature although a key is set: refused."""
-    bad_signature: int = 0
-    """Packets with a wrong, repeated or future signature: refused."""
-    replayed: int = 0
-    """Packets among these of a recording that is played again."""
-    held: int = 0
-    """Packets with a right signature and nothing that proves that they are made now: refused."""
-    held_s: float = NAN
-    """Delay of their timestamps, while all that comes is held; else NaN."""
-    signs: bool = False
-    """Packets were verified and none refused in the last seconds."""
-    refusals: Mapping[str, int] = field(default_factory=dict)
-    """Positions that were not used, by reason."""
-    refused_for: str = ""
-    """Reason why the latest position was not used, empty when it was."""
-    doubted_for: str = ""
-    """Reason why its positions may be wrong by its own word, empty without doubt."""
-    compass_doubted: bool = False
-    """True if its compass contradicts its filter."""
-    clock_fault: str = ""
-    """Fault of its clocks in words, empty while nothing is."""
-    condition: VehicleCondition = field(default_factory=VehicleCondition)
     fence: str = ""
     """The fence nearest to be broken of those that hold for it, or broken most; empty without one."""
     fence_m: float = NAN

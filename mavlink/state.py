@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from typing import Literal
 
 import numpy as np
@@ -146,30 +147,30 @@ class VehicleStatus:
     """Status of one vehicle and its link."""
 
     system_id: int
-    kind: str
-    """``copter``, ``rover`` ..., empty before the first heartbeat."""
-    mode: str
-    armed: bool | None
-    fix: str
+    kind: str = ""
+    """Vehicle type in a word (``copter``, ``rover``), empty before the first heartbeat."""
+    mode: str = ""
+    armed: bool | None = None
+    fix: str = ""
     """``none``, ``2D``, ``3D``, ``DGPS``, ``RTK float``, ``RTK``."""
-    heartbeat_age_s: float
+    heartbeat_age_s: float = math.inf
     """inf never."""
-    position_age_s: float
-    position_state: PositionState
-    period_s: float
+    position_age_s: float = math.inf
+    position_state: PositionState = "never"
+    period_s: float = math.nan
     """Usual time between positions, NaN unknown."""
-    loss: float
+    loss: float = math.nan
     """Share of packets lost lately, 0..1, NaN unknown: missing by sequence number, and by what comes regularly."""
-    refused: int
+    refused: int = 0
     """Positions that were rejected."""
-    last_text: str
+    last_text: str = ""
     frozen: bool = False
     """True if a position that is stale or lost comes over and over: of one place though it drives, or of one time."""
     contested: bool = False
     """True if two senders use this system id (an id conflict): its reports are not used."""
     jumps: bool = False
     """True if its position jumps to and fro, as with a receiver that is jammed or fails: its reports are not used."""
-    refusals: tuple[tuple[str, int], ...] = ()
+    refusals: Mapping[str, int] = field(default_factory=dict)
     """Counts of what was left out, by reason: positions, and single values of positions that were used without them."""
     refused_for: str = ""
     """Reason why the latest position was not used, empty when it was."""

@@ -10,7 +10,7 @@ from assoc.records import Candidates, Identities
 from gcs.certainty import CONFIRMED, certainty
 from gcs.health.heard import is_heard, refused_because
 from gcs.health.vehicle_alarms import CONTRADICTED, DOUBTED
-from gcs.snapshot import Candidate, VehicleRow
+from gcs.snapshot import Candidate
 from mavlink.state import FleetState, VehicleStatus
 
 OLD_S = 2.0
@@ -120,7 +120,7 @@ def _in_words(
     return found
 
 
-def missing_because(status: VehicleRow | VehicleStatus | None, age_s: float, *, contradicted: bool) -> str:
+def missing_because(status: VehicleStatus | None, age_s: float, *, contradicted: bool) -> str:
     """Return why a vehicle's reports do not tell where it is; empty: they do.
 
     Args:

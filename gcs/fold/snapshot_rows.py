@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Collection, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import fields, replace
 from typing import Any
 
 import numpy as np
@@ -19,7 +19,7 @@ from gcs.fold.candidates import doubt_words
 from gcs.mission.mission import Mission
 from gcs.snapshot import NAN, Box, Candidate, Health, Snapshot, Standing, VehicleRow
 from mavlink.geodesy import LocalFrame
-from mavlink.state import FleetState
+from mavlink.state import FleetState, VehicleStatus
 from vision.camera.camera import ground
 from vision.detect.detections import Detections
 from vision.track.parts import JoinedBoxes
@@ -31,6 +31,7 @@ EVIDENCE = (
     *("confidence", "runner_up_confidence", "residual_m", "position_age_s"),
     *("projection", "topology", "fused"),
 )
+OF_STATUS = tuple(each.name for each in fields(VehicleStatus))
 
 
 def boxes_of(
@@ -175,19 +176,9 @@ def vehicle_rows(
         in_view = None if unseen or lies else uv is not None and _inside(uv, size)
         rows.append(
             VehicleRow(
-                system_id=status.system_id,
+                **{name: getattr(status, name) for name in OF_STATUS},
                 name=mission.name_of(status.system_id),
                 role="uav" if is_uav else "ugv",
-                kind=status.kind,
-                mode=status.mode,
-                armed=status.armed,
-                fix=status.fix,
-                heartbeat_age_s=status.heartbeat_age_s,
-                position_age_s=status.position_age_s,
-                position_state=status.position_state,
-                frozen=status.frozen,
-                loss=status.loss,
-                link=status.link,
                 p_enu=state.uav.p_enu if is_uav else state.p_enu[k - 1],
                 heading=state.uav.yaw if is_uav else float(state.heading[k - 1]),
                 std_m=float("nan") if is_uav else float(state.std_m[k - 1]),
@@ -196,20 +187,6 @@ def vehicle_rows(
                 track_id=box.track_id if box else 0,
                 confidence=box.confidence if box else float("nan"),
                 stated=box is not None and box.stated,
-                contested=status.contested,
-                signed=status.signed,
-                unsigned=status.unsigned,
-                bad_signature=status.bad_signature,
-                replayed=status.replayed,
-                held=status.held,
-                held_s=status.held_s,
-                signs=status.signs,
-                refusals=dict(status.refusals),
-                refused_for=status.refused_for,
-                doubted_for=status.doubted_for,
-                compass_doubted=status.compass_doubted,
-                clock_fault=status.clock_fault,
-                condition=status.condition,
             )
         )
     return tuple(rows)

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import math
 
-from gcs.snapshot import VehicleRow
 from mavlink.state import VehicleStatus
 
 
-def is_heard(row: VehicleRow | VehicleStatus) -> bool:
+def is_heard(row: VehicleStatus) -> bool:
     """Tell whether any of its packets was accepted so far."""
     condition = row.condition
     ages_s = (
@@ -18,7 +17,7 @@ def is_heard(row: VehicleRow | VehicleStatus) -> bool:
     return any(map(math.isfinite, (*ages_s, row.loss))) or bool(row.signed or row.refusals or row.contested)
 
 
-def refused_because(row: VehicleRow | VehicleStatus) -> str:
+def refused_because(row: VehicleStatus) -> str:
     """Return why packets or positions of it were not accepted so far, in words; empty where none was refused."""
     if row.contested:
         return "several senders use its system id"

@@ -98,9 +98,9 @@ class PositionRejections:
         return "warning" if had_position or reason not in NOT_YET else "info"
 
     @property
-    def counts(self) -> tuple[tuple[str, int], ...]:
+    def counts(self) -> dict[str, int]:
         """Counts by reason, in order of first occurrence."""
-        return tuple(self._counts.items())
+        return dict(self._counts)
 
 
 class RepeatedPositions:

@@ -8,7 +8,8 @@ import pytest
 from gcs.health.alarms import Alarms
 from gcs.health.event_throttle import EventThrottle
 from gcs.health.link_rates import LinkRates
-from gcs.snapshot import Event, Health, LinkHealth, VehicleCondition, VehicleRow
+from gcs.snapshot import Event, Health, LinkHealth, VehicleRow
+from mavlink.state import VehicleCondition
 from tests.support.fake_station import START_US, make_snapshot
 
 LINK = LinkHealth(name="udpin:0.0.0.0:14550", packets=100, bad=0, dropped=0, silent_s=0.0)

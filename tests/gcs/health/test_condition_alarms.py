@@ -8,8 +8,9 @@ import pytest
 
 from gcs.health.alarms import Alarms
 from gcs.limits import Limits
-from gcs.snapshot import Health, VehicleCondition, VehicleRow
+from gcs.snapshot import Health, VehicleRow
 from gcs.tui.panes.alarms import alike, text_of
+from mavlink.state import VehicleCondition
 from tests.support.fake_station import START_US, make_snapshot
 
 WELL = VehicleCondition(

@@ -6,11 +6,11 @@ from dataclasses import replace
 import numpy as np
 
 from gcs.limits import Limits
-from gcs.snapshot import VehicleCondition
 from gcs.tui.draw.condition import battery, condition_facts, from_uav
 from gcs.tui.palette import ALARM, FAINT, INK, WARN
 from gcs.tui.panes.fleet import FleetPane, columns_for, condition_columns
 from gcs.tui.panes.identity import IdentityPane
+from mavlink.state import VehicleCondition
 from tests.support.fake_station import WIDE, FakeStation, make_snapshot, running, text_of
 
 BASE = make_snapshot(live=True)

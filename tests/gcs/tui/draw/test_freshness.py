@@ -5,14 +5,13 @@ from dataclasses import replace
 
 import pytest
 
-from gcs.snapshot import VehicleCondition
 from gcs.tui.draw.freshness import GONE_S, UNKNOWN, USABLE_M, aged, freshness, spread
 from gcs.tui.draw.ground_view import MapView
 from gcs.tui.draw.map_canvas import chart_cells
 from gcs.tui.palette import FAINT, INK, pack
 from gcs.tui.panes.fleet import COLUMNS, FleetPane
 from gcs.tui.panes.identity import IdentityPane
-from mavlink.state import SILENT_S
+from mavlink.state import SILENT_S, VehicleCondition
 from tests.support.fake_station import WIDE, FakeStation, make_snapshot, polled, running, text_of
 
 OF_ITS_WORD = {
