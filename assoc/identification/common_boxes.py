@@ -17,10 +17,10 @@ from assoc.records import Observation
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 
-_LONGER = 1.35
+LONGER = 1.35
 """A box of this many times its vehicle's length is a common one: noise and turning make it longer by up to a fifth, a
 second vehicle beside or behind by half to twice."""
-_RIGHT = 0.75
+RIGHT = 0.75
 """Share of long boxes whose name is right: about half of those round two vehicles, nearly all of those that are long
 for another reason, as where a detector's boxes vary."""
 _CERTAIN = 0.9
@@ -61,12 +61,12 @@ class CommonBoxes:
         usual = self._usual(length[seen])
         own = self._length_m[name[rows]]
         own = np.where(np.isnan(own), usual, own)
-        common = rows[(length[rows] > _LONGER * own) & ~stated[rows]]
+        common = rows[(length[rows] > LONGER * own) & ~stated[rows]]
         self._learn(t, name[rows], length[rows], own, p[rows, name[rows]] > _CERTAIN)
         if not len(common):
             return p
         p = p.copy()
-        over = np.maximum(p[common, name[common]] - _RIGHT, 0.0)
+        over = np.maximum(p[common, name[common]] - RIGHT, 0.0)
         p[common, name[common]] -= over
         p[common, n] += over
         return p

@@ -20,7 +20,7 @@ _COVER = 0.3
 _P = 0.5
 """Most that a name counts for where another vehicle may as well be that segment."""
 _WITHIN_M = 2.5
-"""A vehicle is in a box that is this near, metres: half of its length."""
+"""A vehicle is in a box whose middle is this near, metres, or half as far as the box is long: half of its length."""
 _WITHIN_STDS = 5.0
 """Pairs further apart than that and this many σ_b are not looked at."""
 _ALONE_BLOCKS = 4
@@ -44,13 +44,13 @@ def without_doubles(p: FloatArray, score: FloatArray, owner: IntArray, segments:
         for other in np.flatnonzero(score[segment] > max(score[segment, own] - _NATS, _LEAST)).tolist():
             has = np.any(segments.seen[frames][:, owner == other], axis=1)
             if other != own and np.mean(has) < _COVER:
-                p[segment] = halved(p[segment], own, other)
+                p[segment] = limited(p[segment], own, other)
     return p
 
 
-def halved(p: FloatArray, own: int, other: int) -> FloatArray:
-    """(n + 1,) probabilities of which what is over a half for one vehicle counts for another one."""
-    p, over = p.copy(), max(p[own] - _P, 0.0)
+def limited(p: FloatArray, own: int, other: int, limit: float = _P) -> FloatArray:
+    """(n + 1,) probabilities of which what is over a limit for one answer counts for another one."""
+    p, over = p.copy(), max(p[own] - limit, 0.0)
     p[own] -= over
     p[other] += over
     return p
@@ -74,7 +74,9 @@ def boxes_of_two(
     """
     seen = _seen_blocks(segments, residuals, block_s)
     r = residuals.at(pose.theta, pose.common)
-    near = (residuals.blocks.count > 0) & (np.linalg.norm(r, axis=3) < _WITHIN_M + _WITHIN_STDS * errors.bias_std)
+    within_m = _reach_m(segments, residuals, block_s)
+    away_m = np.linalg.norm(r, axis=3)
+    near = (residuals.blocks.count > 0) & (away_m < within_m[:, :, None] + _WITHIN_STDS * errors.bias_std)
     near &= (seen & (owner >= 0))[:, :, None]
     found = np.full(seen.shape, -1)
     for vehicle in range(near.shape[2]):
@@ -85,8 +87,18 @@ def boxes_of_two(
             rows = np.flatnonzero(near[:, segment, vehicle])
             pairs = rows, np.full_like(rows, segment)
             _, _, given, _ = given_rest(residuals, r, errors, vehicle, pairs, chain)
-            found[rows[np.hypot(*given.reshape(2, -1)) < _WITHIN_M], segment] = vehicle
+            found[rows[np.hypot(*given.reshape(2, -1)) < within_m[rows, segment]], segment] = vehicle
     return found
+
+
+def _reach_m(segments: Segments, residuals: Residuals, block_s: float) -> FloatArray:
+    """(B, S) distance, metres, from the middle of each segment's box up to which a vehicle is in it."""
+    half_m = np.full(residuals.blocks.count.shape[:2], _WITHIN_M)
+    for (t_us, track), length_m in segments.length_m.items():
+        block = int(1e-6 * (t_us - segments.origin_us) // block_s) - residuals.blocks.first
+        at = min(max(block, 0), len(half_m) - 1), segments.of[t_us, track]
+        half_m[at] = max(half_m[at], 0.5 * length_m)
+    return half_m
 
 
 def _seen_blocks(segments: Segments, residuals: Residuals, block_s: float) -> BoolArray:

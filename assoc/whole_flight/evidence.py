@@ -51,6 +51,8 @@ class Segments:
     """Time of the first frame on the video's clock, Unix µs."""
     of: dict[tuple[int, int], int]
     """Segment of a box, by the frame's time, Unix µs, and track id."""
+    length_m: dict[tuple[int, int], float]
+    """Length of each of these boxes on the ground, metres; those that are not known are not in it."""
     seen: BoolArray
     """(F, S) frames in which each was seen."""
     apart: BoolArray
@@ -154,12 +156,14 @@ class FlightEvidence:
         q, origin_us = self.params, frames[0].observation.t_us
         span_s, margin_us = 1e-6 * (frames[-1].observation.t_us - origin_us) + _MARGIN_S, round(1e6 * _MARGIN_S)
         history, cuts, of = TrackHistory(span_s, q.frame_step_s, q.gap_max_s), _Cuts(), dict[tuple[int, int], int]()
+        length_m = dict[tuple[int, int], float]()
         for frame, names in zip(frames, _names(frames, name, q.close_m), strict=True):
             seen = frame.observation
             ids = np.array(list(map(cuts.piece, seen.track_id.tolist(), names)), np.int64)
             history.append(1e-6 * (seen.t_us - origin_us), replace(seen, track_id=ids), frame.camera)
             for track, piece in zip(seen.track_id.tolist(), ids.tolist(), strict=True):
                 of[frame.t_us, track] = history.column_of(piece)
+            length_m |= _lengths(frame)
         log = ReportLog(len(self.system_ids), span_s)
         for each in self._reports:
             # a log forgets what is long before its newest report
@@ -178,6 +182,7 @@ class FlightEvidence:
             camera=frames[-1].camera,
             origin_us=frames[0].t_us,
             of=of,
+            length_m=length_m,
             seen=seen_in,
             apart=_apart(seen_in),
             theta=theta,
@@ -200,6 +205,16 @@ def _places(frame: _FrameTaken) -> FloatArray:
     """(m, 2) where the boxes of a frame are on the ground, metres."""
     camera = frame.camera
     return rays_to_ground(frame.observation.ray_cam, camera.R_enu_cam, camera.p_enu, camera.ground_z, frame.theta)
+
+
+def _lengths(frame: _FrameTaken) -> dict[tuple[int, int], float]:
+    """Lengths of the boxes of a frame that were seen, metres, by its time, Unix µs, and track id."""
+    seen = frame.observation
+    if seen.length_m is None:
+        return {}
+    known = np.isfinite(seen.length_m) & (seen.gap_s <= 0.0)
+    rows = zip(seen.track_id[known].tolist(), seen.length_m[known].tolist(), strict=True)
+    return {(frame.t_us, track): length_m for track, length_m in rows}
 
 
 def _apart(seen: BoolArray) -> BoolArray:

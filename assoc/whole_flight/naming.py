@@ -31,7 +31,7 @@ from assoc.whole_flight.chains import (
     without_outliers,
 )
 from assoc.whole_flight.changes import Change, changes, exchanges
-from assoc.whole_flight.doubles import boxes_of_two, halved, without_doubles
+from assoc.whole_flight.doubles import boxes_of_two, limited, without_doubles
 from assoc.whole_flight.evidence import Segments
 from assoc.whole_flight.owners import Namings
 from assoc.whole_flight.residuals import Errors, Residuals, residuals_at
@@ -73,6 +73,8 @@ class SegmentNames:
     since_s: FloatArray
     until_s: FloatArray
     """(S,) from when to when each is the likeliest one, seconds from the first frame."""
+    owner: IntArray
+    """(S,) vehicle of each by the whole, −1 none."""
     also: IntArray
     """(B, S) vehicle that is in a segment's box, too, or alone, n a stranger, −1 nobody."""
     first_s: float
@@ -109,7 +111,8 @@ class SegmentNames:
             return p
         block = int((1e-6 * (t_us - self.segments.origin_us) - self.first_s) // self.block_s)
         other = int(self.also[min(max(block, 0), len(self.also) - 1), segment])
-        return p if other < 0 else halved(p, own, other)
+        other = int(self.owner[segment]) if other == own else other
+        return p if other < 0 else limited(p, own, other)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -173,6 +176,7 @@ def segment_names(segments: Segments, q: IdentifierParams, owner: IntArray) -> S
         p=p,
         since_s=since_s,
         until_s=until_s,
+        owner=best.owner,
         also=also,
         first_s=best.first_s,
         block_s=q.block_s,

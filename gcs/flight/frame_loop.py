@@ -9,7 +9,8 @@ from dataclasses import dataclass, replace
 from functools import partial
 
 from gcs.flight.monitor import Throughput
-from gcs.fold.pipeline import HELD_US, Pipeline
+from gcs.fold.pipeline import Pipeline
+from gcs.fold.showing import HELD_US
 from gcs.health.faults import Faults
 from gcs.session.fold_order import NO_FRAME, FoldTurn
 from gcs.session.recorder import ViewRecorder

@@ -57,7 +57,7 @@ class FlightViews:
         self._views[place], self._looked_s[place] = view, -math.inf
         if self.several:
             for each in self._views.values():
-                each.pipeline.exchange = self._exchange.join(each.uav_id, each.recorder.heard)
+                each.pipeline.naming.exchange = self._exchange.join(each.uav_id, each.recorder.heard)
 
     @property
     def first(self) -> FlightView:

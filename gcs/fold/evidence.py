@@ -88,8 +88,8 @@ def reports_of(reports: Reports, ugv_ids: Sequence[int], view: FrameCamera | Non
     )
 
 
-def camera_of(view: FrameCamera, stabilized: bool) -> CameraState:
-    """The camera as telemetry has it; ``stabilized``: a gimbal keeps its horizon."""
+def camera_of(view: FrameCamera) -> CameraState:
+    """The camera as the identifier has it."""
     lens = view.intrinsics
     return CameraState(
         R_enu_cam=view.pose.R_enu_cam,
@@ -103,6 +103,6 @@ def camera_of(view: FrameCamera, stabilized: bool) -> CameraState:
         attitude_known=view.attitude_known,
         position_known=view.position_sure,
         position_std_m=view.position_std_m,
-        stabilized=stabilized,
+        stabilized=view.stabilized,
         half_view=(0.5 * lens.width / lens.fx, 0.5 * lens.height / lens.fy),
     )

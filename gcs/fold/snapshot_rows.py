@@ -14,15 +14,14 @@ from assoc.geometry.ground import OFFSET, PITCH, YAW
 from assoc.identification.identifier import Identifier
 from assoc.records import Identities
 from gcs.certainty import CONFIRMED
-from gcs.fold.camera.frame_camera import FrameCamera
 from gcs.fold.candidates import doubt_words
+from gcs.fold.turn import Look
 from gcs.mission.mission import Mission
 from gcs.snapshot import NAN, Box, Candidate, Health, Snapshot, Standing, VehicleRow
 from mavlink.geodesy import LocalFrame
 from mavlink.state import FleetState, VehicleStatus
 from vision.camera.camera import ground
 from vision.detect.detections import Detections
-from vision.track.parts import JoinedBoxes
 from vision.track.tracks import Tracks
 
 FloatArray = NDArray[np.float64]
@@ -35,12 +34,8 @@ OF_STATUS = tuple(each.name for each in fields(VehicleStatus))
 
 
 def boxes_of(
-    detections: Detections,
-    joined: JoinedBoxes,
-    tracks: Tracks,
+    look: Look,
     identities: Identities | None,
-    vehicle_uv: dict[int, FloatArray],
-    view: FrameCamera | None,
     origin: LocalFrame | None,
     *,
     candidates: Sequence[tuple[Candidate, ...]],
@@ -54,12 +49,8 @@ def boxes_of(
     Where the boxes of a vehicle's front and rear were put together its track has the one, and the other has its name.
 
     Args:
-        detections: Of this frame.
-        joined: The same with the parts of vehicles put together, which tracks took.
-        tracks: After this frame.
-        identities: In the order of the tracks, None without a camera pose.
-        vehicle_uv: Pixel (2,) of each vehicle's reported place by system id.
-        view: The camera, None unknown.
+        look: What was seen in it.
+        identities: In the order of its tracks, None without a camera pose.
         origin: Of the local frame, None unknown.
         candidates: Who each track may be, in the order of the identities.
         named_since: Since when a track has had the name of a system id, or 0 for none.
@@ -67,10 +58,10 @@ def boxes_of(
         number_of: The number of what a track is, the same for all cameras; 0 of a flight with one.
         score: Weaker boxes that no track took are not shown.
     """
-    places = _places(detections)
+    places = _places(look.detections)
     # the last entry answers for -1, unseen
-    taken, others = (np.append(of, -1)[tracks.detection] for of in (joined.first, joined.second))
-    rows = _tracked(tracks, taken.tolist(), places, identities)
+    taken, others = (np.append(of, -1)[look.tracks.detection] for of in (look.joined.first, look.joined.second))
+    rows = _tracked(look.tracks, taken.tolist(), places, identities)
     for row in rows:
         name = row.get("system_id", 0)
         row["since_us"] = named_since(row["track_id"], name)
@@ -81,9 +72,11 @@ def boxes_of(
     rows += [
         rows[k] | places[other] | {"track_id": 0, "number": 0} for k, other in enumerate(others.tolist()) if other >= 0
     ]
-    untracked = sorted(set(np.flatnonzero(detections.score >= score).tolist()) - {*taken.tolist(), *others.tolist()})
+    untracked = sorted(
+        set(np.flatnonzero(look.detections.score >= score).tolist()) - {*taken.tolist(), *others.tolist()}
+    )
     rows += [places[k] | {"track_id": 0} for k in untracked]
-    if view is not None and rows:
+    if (view := look.view) is not None and rows:
         centre = np.array([[row["cx"], row["cy"]] for row in rows])
         level = ground(view.intrinsics, view.pose, centre, view.ground_z)
         p_enu = view.ground.below_level(level, view.pose.p_enu)
@@ -91,7 +84,7 @@ def boxes_of(
         lat, lon, _ = origin.to_geodetic(p_enu) if origin else (nowhere, nowhere, nowhere)
         columns = (p_enu, lat.tolist(), lon.tolist(), view.place_std_m(p_enu).tolist())
         for row, p, lat_deg, lon_deg, std_m in zip(rows, *columns, strict=True):
-            uv = vehicle_uv.get(row.get("system_id", 0))
+            uv = look.uv.get(row.get("system_id", 0))
             residual_px = NAN if uv is None else math.hypot(row["cx"] - uv[0], row["cy"] - uv[1])
             row |= {
                 "p_enu": p,

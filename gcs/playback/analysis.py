@@ -255,7 +255,7 @@ class Analysis:
         if session.began is not None:
             mission = replace(mission, uav=session.began.uav, ugv=session.began.ugv)
         pipeline = Pipeline(mission, links=senders.names, address=senders.address, sized=self.opened.size.known)
-        self._folded, pipeline.exchange, pipeline.evidence = pipeline, exchange, self._evidence
+        self._folded, pipeline.naming.exchange, pipeline.naming.evidence = pipeline, exchange, self._evidence
         if self._evidence is not None:
             self._evidence.begin_anew(mission.ugv_ids)
         for statement in read_statements(session.folder, self.mission.ugv_ids):

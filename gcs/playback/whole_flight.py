@@ -11,12 +11,14 @@ do not fit in is left as it is.
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from assoc.identification.common_boxes import LONGER, RIGHT
+from assoc.whole_flight.doubles import limited
 from assoc.whole_flight.evidence import FlightEvidence, Segments
 from assoc.whole_flight.naming import SegmentNames, segment_names
 from gcs.mission.mission import Mission
@@ -40,6 +42,8 @@ _AGREED, _LIKELIEST, _KNOWN = 0.99, 0.5, 0.98
 """Probability from which on the whole flight is sure, that of what is more likely than not, and of a known track."""
 _MIN_GAIN = 0.97
 """Share of the names that are known without it, by their probabilities, which a stretch has to give to count."""
+_USUAL = 0.2
+"""Share of the boxes of a vehicle that are no longer than it is: one round two vehicles is longer, none is shorter."""
 UNSURE = 0.89
 """Highest probability of an answer of which not both, the whole flight and the track by itself, are surer."""
 
@@ -152,7 +156,30 @@ def _chosen(named: list[KnownFrame], found: SegmentNames, threshold: float) -> l
                 had += _named_share(own[track], threshold)
         whole.append(replace(known, p=pooled))
         alone.append(replace(known, p=own))
-    return whole if gained > _MIN_GAIN * had else alone
+    return _with_long_doubted(whole if gained > _MIN_GAIN * had else alone, found.segments.length_m)
+
+
+def _with_long_doubted(named: list[KnownFrame], length_m: Mapping[tuple[int, int], float]) -> list[KnownFrame]:
+    """The snapshots with less certainty where a box is so long that it may be round two vehicles.
+
+    Args:
+        named: by the whole flight, or by each track.
+        length_m: lengths of boxes, metres, by the frame's time, Unix µs, and track.
+    """
+    boxes = [
+        (frame, track, int(np.argmax(p)), length_m[frame.at_us, track])
+        for frame in named
+        for track, p in frame.p.items()
+        if np.argmax(p) < len(p) - 1 and (frame.at_us, track) in length_m
+    ]
+    of_each = dict[int, list[float]]()
+    for _, _, vehicle, length in boxes:
+        of_each.setdefault(vehicle, []).append(length)
+    usual_m = {vehicle: float(np.quantile(lengths, _USUAL)) for vehicle, lengths in of_each.items()}
+    for frame, track, vehicle, length in boxes:
+        if length > LONGER * usual_m[vehicle]:
+            frame.p[track] = limited(frame.p[track], vehicle, -1, RIGHT)
+    return named
 
 
 def _named_share(p: FloatArray, threshold: float) -> float:

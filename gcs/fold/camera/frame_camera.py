@@ -31,6 +31,8 @@ class FrameCamera:
     attitude_known: bool
     position_sure: bool
     """False while the UAV doubts its own position."""
+    stabilized: bool = False
+    """True if a gimbal keeps its horizon level."""
     position_std_m: float = math.nan
     """1σ of its position per axis, level, where that is known to be coarse; else NaN."""
     R_reported: FloatArray | None = None

@@ -16,10 +16,10 @@ from gcs.fold.camera.direction import CameraDirection
 from gcs.fold.camera.finder import CameraFinder
 from gcs.fold.camera.frame_camera import FrameCamera, identifier_params
 from gcs.fold.camera.optics import Optics
+from gcs.fold.camera.position_steps import StepFilter
 from gcs.fold.camera.silent_zoom import SilentZoom, magnified
 from gcs.fold.ground.height import FOOT, TAKEOFF, GroundHeight
 from gcs.fold.ground.surface import Relief
-from gcs.fold.position_steps import StepFilter
 from gcs.mission.mission import Camera, Mission
 from gcs.snapshot import Event
 from mavlink.fleet.fleet import Fleet
@@ -80,11 +80,6 @@ class FrameCameras:
     def size(self) -> tuple[int, int] | None:
         """Width and height of a frame, px; None while unknown."""
         return self._optics.size
-
-    @property
-    def stabilized(self) -> bool:
-        """True if a gimbal keeps the camera's horizon level."""
-        return self._direction.stabilized
 
     @property
     def found(self) -> Camera | None:
@@ -327,6 +322,7 @@ class FrameCameras:
             ground=ground,
             attitude_known=uav.attitude_valid,
             position_sure=not state.vehicles[0].doubted_for,
+            stabilized=self._direction.stabilized,
             position_std_m=uav.std_m if uav.std_m >= COARSE_M else math.nan,
             usual=self._usual,
         )

@@ -6,7 +6,7 @@ from itertools import pairwise
 
 import pytest
 
-from gcs.fold.pipeline import HELD_US
+from gcs.fold.showing import HELD_US
 from sim.world.presets import nominal
 from sim.world.scenario import ScenarioGround
 from tests.support.scripted import InjectedFaults, fly

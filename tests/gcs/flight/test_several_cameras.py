@@ -38,7 +38,7 @@ SMALL = ScenarioCamera(width=640, height=360, fx=400.0, fy=400.0, cx=320.0, cy=1
 def a_view(system_id, name, snapshot=None):
     view = FlightView.__new__(FlightView)
     mission = SimpleNamespace(uav=SimpleNamespace(system_id=system_id), name_of=lambda _: name, ugv_ids=MISSION.ugv_ids)
-    view.pipeline = SimpleNamespace(mission=mission)
+    view.pipeline = SimpleNamespace(mission=mission, naming=SimpleNamespace())
     view.loop, view.recorder = SimpleNamespace(latest=snapshot), SimpleNamespace(heard=None)
     return view
 

@@ -161,7 +161,7 @@ def test_a_statement_ends_with_its_track(silent):
 def test_a_track_that_is_not_shown_for_a_moment_ends_no_statement(silent):
     track = unnamed(silent).track_id
     stated(silent, track, OTHER).run(1, filmed=True)
-    silent.pipeline._tracker._state.evidence[:] = ENOUGH - 8.0
+    silent.pipeline._seeing._tracker._state.evidence[:] = ENOUGH - 8.0
     silent.run(0.1, filmed=True)
     assert all(box.track_id != track for box in silent.last.boxes)
     silent.run(3, filmed=True)
@@ -210,7 +210,7 @@ def test_no_name_is_stated_while_several_senders_use_its_id(sure):
 @pytest.mark.slow
 def test_a_statement_outlives_evidence_that_begins_anew(silent):
     stated(silent, unnamed(silent).track_id, OTHER).run(1, filmed=True)
-    silent.pipeline._forget_evidence()
+    silent.pipeline._begin_anew()
     silent.run(3, filmed=True)
     assert silent.box(OTHER).stated
 

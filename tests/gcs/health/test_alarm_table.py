@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from gcs.fold.pipeline import HELD_US
+from gcs.fold.showing import HELD_US
 from gcs.health.alarm_rule import CLEARS_AFTER_S, GROWING_S
 from gcs.health.condition_alarms import CONDITION_RULES
 from gcs.health.link_alarms import LINK_RULES

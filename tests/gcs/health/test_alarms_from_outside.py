@@ -441,7 +441,7 @@ class Misled:
 @raises("views differ")
 def has_another_camera_that_names_others():
     scene = Scene(mission=replace(MISSION, view=(View(system_id=77, name="North"),)))
-    scene.pipeline.exchange = Misled(77, T0 + 6 * S)
+    scene.pipeline.naming.exchange = Misled(77, T0 + 6 * S)
     came = scene.run(13, filmed=True).came
     assert " by North; " in came["views differ", "alarm"].text
     return came

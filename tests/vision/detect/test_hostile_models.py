@@ -5,7 +5,8 @@ import tracemalloc
 import numpy as np
 import pytest
 
-from gcs.fold.pipeline import MAX_BOXES, Pipeline
+from gcs.fold.pipeline import Pipeline
+from gcs.fold.seeing import MAX_BOXES
 from gcs.playback.analysis import Analysis
 from gcs.session.session import open_session
 from tests.support.bundled import ROOT

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from gcs.fold.position_steps import StepFilter
+from gcs.fold.camera.position_steps import StepFilter
 
 S = 1_000_000
 V = np.array([15.0, 0.0, 0.0])
