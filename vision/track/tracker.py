@@ -50,6 +50,12 @@ REST = 0.25
 """Displacement in sizes that is never unusual."""
 REACH_SHARE = 0.05
 """Least reach as a share of the frame's width, for small boxes: they jump as far as large ones."""
+NOISE_MATCHES = 60.0
+"""Matches over which the noise of detected centres is averaged: some seconds of a few vehicles."""
+MAX_NOISE = 4.0
+"""Greatest noise of detected centres, in units of what is usual."""
+UNUSUAL = 4.0
+"""Distance² of a match, in units of what is expected, beyond which it tells no more about the noise."""
 SURE_SHARE = 0.7
 """Share of all that could be explained from which on the warp is not doubted."""
 BETTER_START = 6.0
@@ -80,6 +86,8 @@ class Tracker:
         self._inside = np.zeros(0, dtype=bool)
         """(k,) the tracks that are inside a box around several in this frame."""
         self._evidence = TrackEvidence(self.params.new_score)
+        self._noise2 = 1.0
+        """Variance of detected centres, in units of what is usual."""
         self._unrest = FIRST_UNREST_PX2
         """Mean square of the recent displacements that were common to all tracks, px²."""
 
@@ -197,8 +205,31 @@ class Tracker:
             pairs = pairs.where(~self._owned(known)[pairs.row])
         rows, columns = self._rounds(boxes, pairs, high, free)
         if len(rows):
+            self._learn_noise(rows, boxes, columns)
             state.correct(rows, boxes, columns, self._noise_of(state.length[rows]))
         return _without(free, columns)
+
+    def _learn_noise(self, rows: Indices, boxes: Detections, columns: Indices) -> None:
+        """Learn the noise of detected centres from how far boxes are from where their tracks are expected.
+
+        With y the offset of a box, P the variance of where its track is expected and r² the usual noise, per axis, the
+        noise has the variance E[y² − P] / r² in units of the usual one.
+        """
+        state = self._state
+        steady = state.confirmed[rows] & (state.gap_s[rows] <= self._recent_s)
+        tracks, offset = state.select(rows[steady]), boxes.centre[columns[steady]] - state.x[rows[steady], :2]
+        if not len(tracks):
+            return
+        usual2 = self._noise_of(tracks.length) ** 2 / self._factor2
+        expected = 0.5 * (tracks.P[:, 0, 0] + tracks.P[:, 1, 1])
+        squared = np.minimum(0.5 * (offset * offset).sum(axis=1), UNUSUAL * (expected + usual2 * self._factor2))
+        share = -np.expm1(-len(tracks) / NOISE_MATCHES)
+        self._noise2 += share * (float(np.mean((squared - expected) / usual2)) - self._noise2)
+
+    @property
+    def _factor2(self) -> float:
+        """Variance of detected centres that is used, in units of what is usual."""
+        return min(max(self._noise2, 1.0), MAX_NOISE**2)
 
     def _extend(self, boxes: Detections, n: int, known: Collection[int]) -> None:
         """ByteTrack's second round: boxes (m,) from the n-th on are weak, and only continue confirmed tracks."""
@@ -376,7 +407,7 @@ class Tracker:
 
     def _noise_of(self, size: Floats) -> Floats:
         """Standard deviation of detected centres, px."""
-        return np.maximum(self.params.centre_noise * size, 1.0)
+        return np.sqrt(self._factor2) * np.maximum(self.params.centre_noise * size, 1.0)
 
     def _tracks(self, order: Indices | None) -> Tracks:
         state = self._state
