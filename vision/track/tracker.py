@@ -50,8 +50,9 @@ REST = 0.25
 """Displacement in sizes that is never unusual."""
 REACH_SHARE = 0.05
 """Least reach as a share of the frame's width, for small boxes: they jump as far as large ones."""
-NOISE_MATCHES = 60.0
-"""Matches over which the noise of detected centres is averaged: some seconds of a few vehicles."""
+FIRST_NOISE_MATCHES, NOISE_MATCHES = 10.0, 60.0
+"""Matches that the usual noise of detected centres counts for, and over which it is averaged: some seconds of a few
+vehicles."""
 MAX_NOISE = 4.0
 """Greatest noise of detected centres, in units of what is usual."""
 UNUSUAL = 4.0
@@ -86,8 +87,8 @@ class Tracker:
         self._inside = np.zeros(0, dtype=bool)
         """(k,) the tracks that are inside a box around several in this frame."""
         self._evidence = TrackEvidence(self.params.new_score)
-        self._noise2 = 1.0
-        """Variance of detected centres, in units of what is usual."""
+        self._noise2, self._noise_matches = 1.0, FIRST_NOISE_MATCHES
+        """Variance of detected centres, in units of what is usual, and how many matches it rests on."""
         self._unrest = FIRST_UNREST_PX2
         """Mean square of the recent displacements that were common to all tracks, px²."""
 
@@ -223,7 +224,8 @@ class Tracker:
         usual2 = self._noise_of(tracks.length) ** 2 / self._factor2
         expected = 0.5 * (tracks.P[:, 0, 0] + tracks.P[:, 1, 1])
         squared = np.minimum(0.5 * (offset * offset).sum(axis=1), UNUSUAL * (expected + usual2 * self._factor2))
-        share = -np.expm1(-len(tracks) / NOISE_MATCHES)
+        self._noise_matches = min(self._noise_matches + len(tracks), NOISE_MATCHES)
+        share = min(len(tracks) / self._noise_matches, 1.0)
         self._noise2 += share * (float(np.mean((squared - expected) / usual2)) - self._noise2)
 
     @property
