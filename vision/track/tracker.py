@@ -409,7 +409,7 @@ class Tracker:
 
     def _noise_of(self, size: Floats) -> Floats:
         """Standard deviation of detected centres, px."""
-        return np.sqrt(self._factor2) * np.maximum(self.params.centre_noise * size, 1.0)
+        return np.asarray(np.sqrt(self._factor2) * np.maximum(self.params.centre_noise * size, 1.0))
 
     def _tracks(self, order: Indices | None) -> Tracks:
         state = self._state

@@ -23,6 +23,7 @@ def flown(
     seen=lambda t, k: True,
     silent=lambda t, j: False,
     told=None,
+    length_m=lambda t, k: np.nan,
     seconds=SECONDS,
 ):
     """Evidence of a flight in which the first ``ours`` vehicles report.
@@ -33,6 +34,7 @@ def flown(
         ids: Track ids at a time.
         seen: Whether an object has a box at a time.
         told: Camera as telemetry has it.
+        length_m: How long the box of an object is at a time, metres.
         seconds: How long.
         silent: Whether a vehicle's report of a time is lost.
     """
@@ -51,6 +53,7 @@ def flown(
         view = replace(
             view,
             **{name: getattr(view, name)[shown] for name in ("track_id", "ray_cam", "front_cam", "gap_s", "score")},
+            length_m=np.array([length_m(t, k) for k in range(m)])[shown],
         )
         evidence.add_frame(T0_US + round(t * 1e6), view, told or camera(), ZERO)
     return evidence
@@ -144,12 +147,21 @@ def test_two_that_could_be_taken_for_one_another_for_the_whole_flight_are_not_su
     assert [named(segments, p, 5.0, track) for track in (3, 4)] == [2, 3]
 
 
-@pytest.mark.parametrize(("apart_m", "without_s", "sure"), [(2.0, 6.0, False), (4.0, 6.0, True), (2.0, 2.0, True)])
-def test_a_box_in_which_another_vehicle_is_for_long_has_no_sure_name(apart_m, without_s, sure):
+@pytest.mark.parametrize(
+    ("apart_m", "without_s", "length_m", "sure"),
+    [
+        (2.0, 6.0, np.nan, False),
+        (4.0, 6.0, np.nan, True),
+        (2.0, 2.0, np.nan, True),
+        (4.0, 6.0, 9.0, False),
+        (4.0, 6.0, 6.0, True),
+    ],
+)
+def test_a_box_in_which_another_vehicle_is_for_long_has_no_sure_name(apart_m, without_s, length_m, sure):
     def since_it_was_apart(t, k):
         return k != 1 or not 4.0 <= t < 4.0 + without_s
 
-    evidence = flown(alike(apart_m=apart_m), seen=since_it_was_apart)
+    evidence = flown(alike(apart_m=apart_m), seen=since_it_was_apart, length_m=lambda t, k: length_m)
     segments = evidence.segments(T0_US, T0_US + round(1e6 * SECONDS), lambda at_us, track: -1)
     names = segment_names(segments, evidence.params, np.full(segments.seen.shape[1], -1))
 

@@ -179,6 +179,27 @@ def test_a_box_that_may_be_a_strangers_has_no_sure_name_in_any_stretch(flown, mo
     assert not halved
 
 
+@pytest.mark.parametrize(("times", "sure"), [(1.6, False), (1.2, True)])
+def test_a_box_that_is_longer_than_its_vehicle_has_no_sure_name(flown, monkeypatch, times, sure):
+    snapshots, mission, evidence = flown
+    usual_m, t0_us, t1_us = 2.0, snapshots[0].t_us, snapshots[-1].t_us
+
+    def is_long(at_us):
+        return 0.5 <= (at_us - t0_us) / (t1_us - t0_us) < 0.6
+
+    def with_lengths(*args):
+        names = segment_names(*args)
+        length_m = {(at_us, track): usual_m * (times if is_long(at_us) else 1.0) for at_us, track in names.segments.of}
+        return replace(names, segments=replace(names.segments, length_m=length_m))
+
+    monkeypatch.setattr("gcs.playback.whole_flight.segment_names", with_lengths)
+    given = [(s.seen_us, box) for s in by_hindsight(snapshots, mission, evidence) for box in s.boxes if box.system_id]
+    long = [box.confidence for at_us, box in given if is_long(at_us) and not box.coasting]
+    others = [box.confidence for at_us, box in given if not is_long(at_us) and not box.coasting]
+    assert min(len(long), len(others)) > 10 and np.median(others) > 0.95
+    assert np.median(long) > 0.95 if sure else max(long) <= 0.75
+
+
 def test_what_the_operator_stated_stays(flown):
     snapshots, mission, evidence = flown
     track = next(box.track_id for box in snapshots[-1].boxes if box.system_id)
