@@ -148,10 +148,8 @@ class NamingStage:
         seen = set(look.tracks.track_id[look.tracks.detection >= 0].tolist())
         stated = set(self.statements.by_track.values())
         self.contradictions.update(turn.t_us, look.found, turn.state, seen, stated)
-        given = self.given(look, turn.state)
-        events = self._changes.update(
-            *(turn.t_us, given, turn.state, look.tracks, look.size), self.contradictions.suspected
-        )
+        given, suspected = self.given(look, turn.state), self.contradictions.suspected
+        events = self._changes.update(turn.t_us, given, turn.state, look.tracks, look.size, suspected)
         return look, events + self.statements.review(turn.t_us, given, turn.state, self.identifier, look.living)
 
     def given(self, look: Look | None, state: FleetState) -> Identities | None:

@@ -111,9 +111,8 @@ class ShowingStage:
         width, height = self._cameras.size or ((view.intrinsics.width, view.intrinsics.height) if view else (0, 0))
         looked_share = look.detections.looked_share((width, height)) if look and width else 1.0
         self._fences.set_origin(origin)
-        rows = vehicle_rows(
-            *(self._mission, state, boxes, expected_px, (width, height)), suspected=naming.contradictions.suspected
-        )
+        suspected = naming.contradictions.suspected
+        rows = vehicle_rows(self._mission, state, boxes, expected_px, (width, height), suspected=suspected)
         snapshot = Snapshot(
             t_us=t_us,
             frame=self.frame,
@@ -130,7 +129,8 @@ class ShowingStage:
             uav_heading=state.uav.yaw,
             health=with_camera_errors(
                 self._link_rates.with_rates(t_us, health or Health()),
-                *(naming.identifier, self._offset_s),
+                naming.identifier,
+                self._offset_s,
                 looked_share=looked_share,
                 guessed=self._cameras.guessed,
                 differ=naming.exchange.contradictions(self._mission) if naming.exchange else "",
@@ -151,7 +151,9 @@ class ShowingStage:
         if look is None or turn.t_us - look.t_us > HELD_US:
             return ()
         return boxes_of(
-            *(look, names, origin),
+            look,
+            names,
+            origin,
             candidates=self._candidates.of(names, turn.state, self._naming.contradictions.standing),
             named_since=partial(self._named_since.update, turn.t_us),
             stated=self._naming.statements.by_track,
