@@ -14,7 +14,7 @@ from typing import Self
 
 import psutil
 
-from bench.screens.flights import Moment
+from bench.flights import Moment
 from bench.screens.screen import Screen, TerminalScreen, read_screen
 from gcs.snapshot import Event, Snapshot
 from gcs.tui import RollcallApp

@@ -21,8 +21,8 @@ from pathlib import Path
 import numpy as np
 
 from bench.command_line import RESULTS
+from bench.flights import FlightScript, OperatorAct, fly_script
 from bench.statements.checker import PLACES, check_cameras
-from bench.statements.flights import FlightScript, OperatorAct, fly_script
 from infra.markdown import markdown_table
 from sim.world.scenario import Occlusion, ScenarioFault, ScenarioFlight, ScenarioView
 from tests.support.scripted import InjectedFaults

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from types import MappingProxyType, SimpleNamespace
 
-from bench.screens.flights import Moment
+from bench.flights import Moment, TrueFlight
 from bench.statements.boxes import (
     Claim,
     check_agreement,
@@ -23,7 +23,6 @@ from bench.statements.boxes import (
     read_geojson,
     read_identity,
 )
-from bench.statements.flights import TrueFlight
 from bench.statements.pages import check_batch, check_report, check_rollcall, printed_remarks
 from bench.statements.screens import check_screens
 from bench.statements.sentences import ADRIFT_S, HOLD_S, LOST_S, SILENT_S, SLACK_S, Said, check_sentence

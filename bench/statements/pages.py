@@ -12,8 +12,8 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from itertools import pairwise
 from typing import Any
 
+from bench.flights import TrueFlight
 from bench.statements.boxes import Claim
-from bench.statements.flights import TrueFlight
 from bench.statements.sentences import Said, check_sentence
 
 Row = Mapping[str, Any]

@@ -7,11 +7,10 @@ import re
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
+from bench.flights import Moment, TrueFlight
 from bench.screens.checker import Checker
-from bench.screens.flights import Moment
 from bench.screens.screen import Screen, read_screen
 from bench.screens.station import ScriptedStation
-from bench.statements.flights import TrueFlight
 from bench.statements.sentences import SLACK_S, Said, check_sentence, match_sentence
 from gcs.tui import RollcallApp
 

@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
-from bench.statements.flights import TrueFlight
+from bench.flights import TrueFlight
 from gcs.certainty import CONFIRMED
 from sim.world.scenario import UAV_ID
 

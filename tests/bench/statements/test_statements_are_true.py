@@ -9,9 +9,9 @@ from dataclasses import replace
 
 import pytest
 
+from bench.flights import FlightScript, OperatorAct, fly_script
 from bench.statements.boxes import check_agreement, check_claims, check_flips, read_identity
 from bench.statements.checker import check_alarms, check_flight, check_missing_alarms, check_row
-from bench.statements.flights import FlightScript, OperatorAct, fly_script
 from bench.statements.pages import check_report, check_rollcall
 from bench.statements.sentences import Said, check_sentence, match_sentence
 from sim.world.scenario import ScenarioFault
