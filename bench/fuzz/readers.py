@@ -16,11 +16,12 @@ import signal
 import tempfile
 from collections.abc import Callable, Iterator
 from contextlib import closing
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
 from assoc.errors import AssocError
+from bench.fuzz.frames import FuzzScore
 from gcs.batch.flights import find_flights
 from gcs.errors import GcsError
 from gcs.importing.film_log import read_film_log
@@ -172,22 +173,14 @@ READERS: dict[str, Reader] = {
 """By the folder of good files that each one's are in."""
 
 
-@dataclass(slots=True)
-class ReaderScore:
+@dataclass(slots=True, kw_only=True)
+class ReaderScore(FuzzScore):
     """Sums over files."""
 
     read: int = 0
     refused: int = 0
-    failures: list[str] = field(default_factory=list)
     most_bytes: int = 0
     """Largest memory that one file took."""
-
-    def add(self, other: ReaderScore) -> None:
-        """Take in the sums of others."""
-        self.read += other.read
-        self.refused += other.refused
-        self.failures += other.failures
-        self.most_bytes = max(self.most_bytes, other.most_bytes)
 
 
 def _spoil(rng: random.Random, path: Path) -> None:

@@ -7,8 +7,8 @@ from dataclasses import replace
 from pathlib import Path
 
 from bench.paper.experiments import CONTINUOUS, Count
+from bench.paper.methods import MethodTime
 from bench.paper.occlusion import Kept
-from bench.paper.times import MethodTime
 from infra.markdown import markdown_table
 
 FIG7_LOW = {"straight": 90.0, "curved": 80.0}

@@ -20,30 +20,13 @@ SLOWEST_MPS = 1.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Window:
-    """T frames in which the same m boxes are seen."""
+class Window(FilmedFlight):
+    """T frames of a flight in which the same m boxes are seen; positions without white noise."""
 
     start: int
     """First frame in the flight."""
-    fps: float
-    uv: FloatArray
-    """(T, m, 2) pixels."""
-    front: FloatArray
-    """(T, m) clockwise from image up."""
-    length_px: FloatArray
-    """(T, m)."""
-    vehicle: IntArray
-    """(m,) the truth, −1 not ours."""
-    p_enu: FloatArray
-    """(T, n, 3) reported position without white noise."""
-    heading: FloatArray
-    """(T, n) true heading."""
     unit: FloatArray
     """(T, n, 8) unit normal draws: three for the position, one for the heading, and another set of these four."""
-    uav_enu: FloatArray
-    """(T, 3) reported."""
-    uav_yaw: FloatArray
-    """(T,) reported."""
 
     def positions(self, sigma_m: float, *, second: bool = False) -> FloatArray:
         """(T, n, 3) reports with white noise of σ metres per axis; ``second`` takes draws of their own."""
@@ -94,16 +77,14 @@ def _window(film: FilmedFlight, part: slice, rows: IntArray, seed: int, wander: 
     p = film.p_enu[part].copy()
     if wander:
         p[..., :2] += film.report_error[part]
+    boxes = {name: getattr(film, name)[part, order] for name in ("uv", "front", "length_px", "seen")}
+    others = ("heading", "speed", "report_error", "uav_enu", "uav_yaw")
     return Window(
         start=part.start,
         fps=film.fps,
-        uv=film.uv[part, order],
-        front=film.front[part, order],
-        length_px=film.length_px[part, order],
         vehicle=film.vehicle[order],
         p_enu=p,
-        heading=film.heading[part],
         unit=rng.normal(0.0, 1.0, (*p.shape[:2], 8)),
-        uav_enu=film.uav_enu[part],
-        uav_yaw=film.uav_yaw[part],
+        **boxes,
+        **{name: getattr(film, name)[part] for name in others},
     )

@@ -11,12 +11,11 @@ from pathlib import Path
 
 import numpy as np
 
-from bench.command_line import RESULTS, count
+from bench.command_line import RESULTS, count, write_page, write_rows
 from bench.field.measure import tally
 from bench.field.product import identify
 from bench.field.summary import summarise
 from bench.field.tables import number
-from bench.rows import write
 from bench.workers import one_threaded
 from gcs.cli.output.console import print_note
 from gcs.cli.output.progress import progress
@@ -125,13 +124,10 @@ def main() -> None:
     parser.add_argument("--workers", type=count, default=1)
     parser.add_argument("--out", type=Path, default=RESULTS / "recorded", help="folder of the results (%(default)s)")
     options = parser.parse_args()
-    options.out.mkdir(parents=True, exist_ok=True)
     with progress("recorded") as report:
         rows = measure(sessions_in(options.folders), options.workers, report)
-    text = text_of(rows)
-    write(options.out / "recorded.csv", SessionScore, rows)
-    (options.out / "recorded.md").write_text(text, encoding="utf-8")
-    print(text)
+    write_rows(options.out / "recorded.csv", SessionScore, rows)
+    write_page(options.out / "recorded.md", text_of(rows))
     print_note(f"{len(rows)} sessions; wrote {options.out}")
 
 

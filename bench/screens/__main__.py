@@ -2,7 +2,7 @@
 
     python -m bench.screens
     python -m bench.screens --flights "2 frames/s" --sizes 80x24 --examples 3
-    python -m bench.screens --write bench/results/screens.md
+    python -m bench.screens --out bench/results/screens.md
 
 Names that are cut or damaged, names of vehicles that are not named, clocks that go back, values older than they look,
 alarms that are neither visible nor counted, hidden troubles (``bench.screens.checker``).
@@ -12,14 +12,13 @@ from __future__ import annotations
 
 import argparse
 import asyncio
-import csv
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
-from bench.command_line import RESULTS
+from bench.command_line import RESULTS, write_page
 from bench.flights import FlightScript, Span, polls_of
 from bench.screens.checker import check_screens
 from infra.markdown import markdown_table
@@ -118,7 +117,6 @@ SCRIPTS: tuple[FlightScript, ...] = (
 Size = tuple[int, int]
 Row = tuple[str, str, int, str, int]
 """Flight, size, screens, rule, violations; a row with an empty rule for each flight and size."""
-COLUMNS = ("flight", "size", "screens", "rule", "violations")
 
 
 def check_flight(script: FlightScript, sizes: Iterable[Size], every: int, examples: int) -> list[Row]:
@@ -164,21 +162,15 @@ def main() -> None:
     parser.add_argument("--sizes", nargs="*", type=size_of, default=SIZES, help="columns and rows, 80x24")
     parser.add_argument("--quick", action="store_true", help=f"look at each {QUICK}th poll")
     parser.add_argument("--examples", type=int, default=0, help="print so many of each violation")
-    parser.add_argument("--out", type=Path, default=RESULTS / "screens.csv", help="rows (%(default)s)")
-    parser.add_argument("--write", type=Path, help="put the tables into this file")
+    parser.add_argument("--out", type=Path, default=RESULTS / "screens.md", help="the tables (%(default)s)")
     options = parser.parse_args()
     rows: list[Row] = []
     for script in SCRIPTS:
         if not options.flights or script.name in options.flights:
             rows += (these := check_flight(script, options.sizes, QUICK if options.quick else 1, options.examples))
             print(f"{script.name}: {sum(row[4] for row in these):,} on {sum(row[2] for row in these):,}", flush=True)
-    options.out.parent.mkdir(parents=True, exist_ok=True)
-    with options.out.open("w", newline="", encoding="utf-8") as file:
-        csv.writer(file).writerows([COLUMNS, *rows])
-    text = table(rows)
-    print(f"\n{text}")
-    if options.write:
-        options.write.write_text(f"# The screens held against what is so\n\n{(__doc__ or '').strip()}\n\n{text}\n")
+    parts = ("# The screens held against what is so", (__doc__ or "").strip(), table(rows))
+    write_page(options.out, "\n\n".join(parts) + "\n")
 
 
 if __name__ == "__main__":

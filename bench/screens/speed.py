@@ -25,7 +25,7 @@ from pathlib import Path
 
 import numpy as np
 
-from bench.command_line import RESULTS
+from bench.command_line import RESULTS, write_page
 from bench.screens.station import TerminalSession
 from infra.markdown import markdown_table
 from tests.support.ports import free_port
@@ -187,12 +187,8 @@ def main() -> None:
             measure_flight(gcs, options.keys, figures)
             print(f"turn {turn + 1}\n{table(figures)}\n", flush=True)
     load = f"Load average at the end {os.getloadavg()[0]:.1f} on {os.cpu_count()} cores."
-    text = (
-        f"# How soon keys show, and what the screens cost\n\n{(__doc__ or '').strip()}\n\n{load}\n\n{table(figures)}\n"
-    )
-    options.write.parent.mkdir(parents=True, exist_ok=True)
-    options.write.write_text(text)
-    print(text)
+    parts = ("# How soon keys show, and what the screens cost", (__doc__ or "").strip(), load, table(figures))
+    write_page(options.write, "\n\n".join(parts) + "\n")
 
 
 if __name__ == "__main__":

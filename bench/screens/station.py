@@ -53,18 +53,21 @@ class Shot:
     moment: Moment
 
 
-async def shots(moments: Sequence[Moment], size: tuple[int, int]) -> AsyncIterator[Shot]:
+async def shots(
+    moments: Sequence[Moment], size: tuple[int, int], views: Sequence[Sequence[str]] = VIEWS
+) -> AsyncIterator[Shot]:
     """The screens of a flight, one a moment, over all views.
 
     Args:
         moments: of one flight, in order.
         size: columns and rows.
+        views: keys, each pressed at the beginning of an equal part of the flight.
     """
     station = ScriptedStation(moments[0])
     app = RollcallApp(station, graphics="blocks")
     app.silent_after_s = math.inf  # a script waits for the machine that looks at it
     async with app.run_test(size=size) as pilot:
-        for part, view in zip(_parts(moments, len(VIEWS)), VIEWS, strict=True):
+        for part, view in zip(_parts(moments, len(views)), views, strict=True):
             await pilot.press(*view)
             for station.moment in part:
                 app._poll()

@@ -26,7 +26,6 @@ from bench.statements.boxes import (
 from bench.statements.pages import check_batch, check_report, check_rollcall, printed_remarks
 from bench.statements.screens import check_screens
 from bench.statements.sentences import ADRIFT_S, HOLD_S, LOST_S, SILENT_S, SLACK_S, Said, check_sentence
-from bench.station import FLY
 from gcs.batch.report.overview import batch_page, read_results
 from gcs.batch.stores import open_results
 from gcs.cli.results.report import report
@@ -41,6 +40,7 @@ from gcs.report.rollcall import RollCall
 from gcs.session.frame_tables import read_times
 from gcs.session.session import open_session
 from gcs.snapshot import OF_A_CAMERA, Snapshot, VehicleRow
+from tests.support.command_line import GCS
 
 S = 1_000_000
 EDGE_PX = 60.0
@@ -349,7 +349,7 @@ def _report(flown: TrueFlight, folder: Path) -> Found:
 
 def _batch(flown: TrueFlight, folder: Path) -> Found:
     subprocess.run(
-        [*FLY, "batch", "run", str(flown.folder), "-o", str(folder / "batch")], check=True, capture_output=True
+        [*GCS, "batch", "run", str(flown.folder), "-o", str(folder / "batch")], check=True, capture_output=True
     )
     page = batch_page(read_results(open_results(str(folder / "batch"))), "batch")
     yield page.count("<td"), list(check_batch(flown, page, _own(flown)))

@@ -78,6 +78,7 @@ FALSE = {
     "nothing is authenticated: anybody can pose as a vehicle": 1.0,
     "never heard: UGV-14": 16.0,
     "the video has stopped": 9.0,
+    "udpin:0.0.0.0:14550: nothing is received any more": 9.0,
     "the video comes and goes: 4 times in 8 s": 9.0,
     "UGV-12: it is heard on and off: 5 times in 9 s": 9.0,
     "UGV-12: its positions come and go: 5 times in 9 s": 9.0,
