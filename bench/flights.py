@@ -382,11 +382,8 @@ def _fly(script: FlightScript, folder: Path, view: int = 0) -> TrueFlight:
     """As one camera has it, 0 the first."""
     scenario, injected = script.scenario, script.injected
     world = World(scenario)
-    heartbeats, positions, refused = (
-        defaultdict[int, list[int]](list),
-        defaultdict[int, list[int]](list),
-        Counter[int](),
-    )
+    heartbeats, positions = (defaultdict[int, list[int]](list) for _ in range(2))
+    refused = Counter[int]()
     for sent in fleet_telemetry(world, views=world.views):
         packet = Packet(sent.t_us, sent.raw)
         if within(injected.no_telemetry, sent.t_us - scenario.start_us):

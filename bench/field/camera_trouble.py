@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from bench.field.draws import road, session
+from bench.field.ordinary import road, session
 from sim.world.error_draws import gnss, signed, slight
 from sim.world.scenario import Scenario, ScenarioCamera, ScenarioDeclared, ScenarioFlight, ScenarioTiming, Zoom
 

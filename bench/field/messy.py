@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from bench.field.draws import FROM_THE_START_S, road, session
+from bench.field.ordinary import FROM_THE_START_S, road, session
 from sim.world.error_draws import gnss, signed, slight
 from sim.world.scenario import (
     Scenario,

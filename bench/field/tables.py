@@ -11,8 +11,7 @@ import numpy as np
 
 from bench.command_line import write_table
 from bench.field.families import FAMILIES, UNRELATED
-from bench.field.measure import EDGES, BoxCounts
-from bench.field.summary import NAN, Outcome, Summary, summarise
+from bench.field.measure import EDGES, NAN, BoxCounts, Outcome, Summary, summarise
 from infra.markdown import markdown_table
 
 ALL = 0
@@ -263,10 +262,10 @@ def _missed(outcomes: Sequence[Outcome]) -> str:
     return markdown_table(("family", "version", "goal"), rows) if rows else "None."
 
 
-def _worst(outcomes: Sequence[Outcome], most: int = 20) -> str:
+def _worst(outcomes: Sequence[Outcome]) -> str:
     ranked = sorted((o for o in outcomes if o.product.ours), key=lambda o: o.product.right / _claims(o.product))
     rows = []
-    for o in ranked[:most]:
+    for o in ranked[:20]:
         s = summarise([o.product])
         name = f"{o.family} {FAMILIES[o.family].name}{', hard' if o.hard else ''}: {o.label}"
         shares = (s.precision, s.right, s.fper, s.track_idf1)

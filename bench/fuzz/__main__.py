@@ -5,13 +5,14 @@ from __future__ import annotations
 import argparse
 import random
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from itertools import chain
 from pathlib import Path
 
 from bench.command_line import RESULTS, write_page
 from bench.fuzz.datagrams import BLOCK, INPUTS, DatagramScore, fuzz_datagrams, lost, read_with_ours, read_with_pymavlink
-from bench.fuzz.frames import frame_pool
+from bench.fuzz.frames import FuzzScore, frame_pool
 from bench.fuzz.logs import LogScore, fuzz_logs
 from bench.fuzz.readers import ReaderScore, fuzz_places, fuzz_readers
 from infra.markdown import markdown_table
@@ -62,13 +63,17 @@ def logs_text(scores: Mapping[str, LogScore]) -> str:
 
 
 def datagrams_text(score: DatagramScore) -> str:
-    """One paragraph."""
-    lines = [
+    """One paragraph, and what failed."""
+    return _with_failures(
         f"{score.datagrams:,} datagrams through split, decode and the fleet's state: {score.frames:,} frames let "
         f"through, {score.notices:,} notices. Exceptions {len(score.failures)}; slowest datagram "
         f"{score.slowest_ms:.1f} ms of CPU.",
-    ]
-    return "\n".join([*lines, *(f"- {line[:400]}" for line in score.failures[:_MAX_FAILURES])])
+        score,
+    )
+
+
+def _with_failures(text: str, score: FuzzScore) -> str:
+    return "\n".join([text, *(f"- {line[:400]}" for line in score.failures[:_MAX_FAILURES])])
 
 
 def streams_text(count: int = 2000) -> str:
@@ -87,13 +92,13 @@ def streams_text(count: int = 2000) -> str:
 def readers_text(score: ReaderScore) -> str:
     """One paragraph, and what failed."""
     files = score.read + score.refused + len(score.failures)
-    lines = [
+    return _with_failures(
         f"{files:,} files of all readers, damaged or replaced by pipes, folders, devices and links: {score.read:,} "
         f"read, {score.refused:,} refused in one line each. Exceptions, crashes, files that took longer than a minute "
         f"or more memory than three times their size and 200 MB: {len(score.failures)}. Most memory for one file: "
         f"{score.most_bytes / 1e6:.0f} MB.",
-    ]
-    return "\n".join([*lines, *(f"- {line[:400]}" for line in score.failures[:_MAX_FAILURES])])
+        score,
+    )
 
 
 _COUNTS = {"logs": 10_000, "datagrams": 1_000_000, "streams": 2000, "readers": 500}
@@ -142,14 +147,13 @@ def main() -> None:
     parser.add_argument("--out", type=Path, default=RESULTS, help="folder of the page (%(default)s)")
     options = parser.parse_args()
     count = _COUNTS[options.what] if options.count is None else options.count
-    if options.what == "logs":
-        text = _logs(options.seed, count)
-    elif options.what == "datagrams":
-        text = _datagrams(options.seed, count)
-    elif options.what == "readers":
-        text = _readers(options.seed, count, options.only)
-    else:
-        text = streams_text(count)
+    fuzzers: dict[str, Callable[[int, int], str]] = {
+        "logs": _logs,
+        "datagrams": _datagrams,
+        "streams": lambda first, count: streams_text(count),
+        "readers": partial(_readers, only=options.only),
+    }
+    text = fuzzers[options.what](options.seed, count)
     write_page(options.out / f"fuzz_{options.what}.md", _HEAD.format(options.what) + text + "\n")
 
 

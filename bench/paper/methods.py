@@ -23,10 +23,9 @@ from assoc.methods.topology import (
     topology_cost,
 )
 from assoc.records import CameraState, Observation, VehicleReports
-from bench.paper.films import CAMERA, film, paper_road
+from bench.paper.films import CAMERA, Window, film, paper_road, windows
 from bench.paper.projection import Projection, associate_by_projection, reprojection_errors
 from bench.paper.tts import associate_by_tts, associate_by_tts_once, tts_similarity
-from bench.paper.windows import Window, windows
 from vision.camera.camera import CameraPose, Mount, camera_pose, ground
 from vision.camera.intrinsics import Intrinsics
 

@@ -181,9 +181,7 @@ def faults(case: ClaimCase, r: ClaimResult) -> list[str]:
 
 def table(rows: Sequence[tuple[ClaimCase, ClaimResult]]) -> str:
     """The results as Markdown."""
-    about = (
-        f"{VEHICLES} vehicles, {RATE:,.0f} packets/s in all, {os.cpu_count()} cores shared by fleet, flood and flight."
-    )
+    about = f"{VEHICLES} vehicles, {RATE:,.0f} packets/s, {os.cpu_count()} cores shared by fleet, flood and flight."
     head = ("attack", "flood sent", "of it recorded", "sent by the others", "lost", "sent by the imitated", "lost", "")
     counts = []
     for case, r in rows:
@@ -191,14 +189,8 @@ def table(rows: Sequence[tuple[ClaimCase, ClaimResult]]) -> str:
         others, kept = sum(r.sent) - mine, sum(r.recorded) - recorded
         numbers = (r.flooded, r.of_it, others, others - kept, mine, mine - recorded)
         counts.append([case.name, *(f"{n:,}" for n in numbers), "; ".join(faults(case, r)) or "held"])
-    lines = [
-        about,
-        "",
-        markdown_table(head, counts),
-        "",
-        "What the link reported, in seconds since the flood began:",
-        "",
-    ]
+    lines = [about, "", markdown_table(head, counts), ""]
+    lines += ["What the link reported, in seconds since the flood began:", ""]
     for case, r in rows:
         lines.append(f"- {case.name} ({r.flood_s:.0f} s):")
         lines += [f"  - {at_s:.1f}: {text}" for at_s, text in r.reported]

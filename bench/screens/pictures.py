@@ -23,7 +23,7 @@ from textual.app import App
 import gcs.tui
 from bench.flights import FlightScript, Moment, Span, polls_of
 from bench.screens.__main__ import script_of, size_of
-from bench.screens.gif import INK, PAPER, draw, fonts_of
+from bench.screens.cast import INK, PAPER, draw, fonts_of
 from bench.screens.screen import BACKGROUND, BLANK, FOREGROUND, Cell
 from bench.screens.station import ScriptedStation
 from gcs.station import Station

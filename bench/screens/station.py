@@ -5,10 +5,13 @@ from __future__ import annotations
 import contextlib
 import itertools
 import math
+import shutil
 import subprocess
+import tempfile
 import time
-from collections.abc import AsyncIterator, Callable, Iterable, Sequence
+from collections.abc import AsyncIterator, Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from types import TracebackType
 from typing import Self
 
@@ -18,6 +21,7 @@ from bench.flights import Moment
 from bench.screens.screen import Screen, TerminalScreen, read_screen
 from gcs.snapshot import Event, Snapshot
 from gcs.tui import RollcallApp
+from tests.support.command_line import GCS
 from tests.support.fake_station import FakeStation
 from tests.support.slow_terminal import SlowTerminal
 
@@ -82,8 +86,12 @@ def _parts(moments: Sequence[Moment], count: int) -> Iterable[Sequence[Moment]]:
     return [moments[low:high] for low, high in itertools.pairwise(bounds)]
 
 
-LONGEST_S = 60.0
-"""Nothing that is waited for takes longer."""
+LONGEST_S, ANALYSED_S = 60.0, 300.0
+"""Nothing that is waited for takes longer, nor does the analysis of a recording."""
+SETTLE_S = 2.0
+RECORDING = Path("sitl_logs/curved-road")
+HOME, DOWN, SPACE = b"\x1b[H", b"\x1b[B", b" "
+PLAYING = "►"
 
 
 class TerminalSession(SlowTerminal):
@@ -131,6 +139,18 @@ class TerminalSession(SlowTerminal):
             self._feed_next()
         return self.terminal.text
 
+    def wait_analysed(self) -> None:
+        """Wait until a replay is analysed, which its first row tells."""
+        self.wait_until(lambda text: "REPLAY" in text and "analysed" not in text.partition("\n")[0], ANALYSED_S)
+
+    def go_to_start(self, *, playing: bool) -> None:
+        """Go to a replay's first frame, and play or pause."""
+        self.press(HOME)
+        time.sleep(SETTLE_S)
+        if (PLAYING in self.catch_up()) != playing:
+            self.press(SPACE)
+            time.sleep(SETTLE_S)
+
     def cpu_s(self) -> tuple[float, float]:
         """Processor time so far: of the main thread, which draws, and of the process."""
         process = psutil.Process(self.process.pid)
@@ -149,3 +169,12 @@ class TerminalSession(SlowTerminal):
         if took:
             self.came.append((time.monotonic(), len(self.shown)))
         return took
+
+
+@contextlib.contextmanager
+def replaying(recording: Path, size: tuple[int, int]) -> Iterator[TerminalSession]:
+    """A replay of a copy of a recording."""
+    with tempfile.TemporaryDirectory() as folder:
+        copy = shutil.copytree(recording, Path(folder) / recording.name)
+        with TerminalSession([*GCS, "replay", str(copy), "--ui", "graphics=blocks"], size) as session:
+            yield session

@@ -124,8 +124,8 @@ class LogWatch:
             self._size, self._grown_s, self._polls = size, now, 0
 
 
-_HELD = ("processes", "rss_mb", "own_mb", "cpu_percent", "threads", "descriptors")
-COLUMNS = ("t_s", *_HELD, "longest_stall_ms", "stalls")
+HELD = ("processes", "rss_mb", "own_mb", "threads", "descriptors")
+COLUMNS = ("t_s", *HELD[:3], "cpu_percent", *HELD[3:], "longest_stall_ms", "stalls")
 WARM_UP = 0.1
 """Share of the run after which memory is taken as the beginning's."""
 MAX_TOLD = 5
@@ -275,14 +275,9 @@ def _sample(
         while fleet.poll() is None and flight.running and time.monotonic() < start + seconds + END_S:
             time.sleep(min(SAMPLE_S, seconds / 4))
             cost, now = cost_of(flight.pid), time.monotonic()
-            row = {
+            row = {name: round(getattr(cost, name), 2) for name in HELD} | {
                 "t_s": round(now - start, 1),
-                "processes": cost.processes,
-                "rss_mb": round(cost.rss_mb, 2),
-                "own_mb": round(cost.own_mb, 2),
                 "cpu_percent": round(100 * (cost.cpu_s - cpu_s) / (now - at_s), 1),
-                "threads": cost.threads,
-                "descriptors": cost.descriptors,
                 "longest_stall_ms": round(1e3 * watch.take_longest_s()),
                 "stalls": watch.stalls,
             }

@@ -23,7 +23,7 @@ from bench.statements.boxes import (
     read_geojson,
     read_identity,
 )
-from bench.statements.pages import check_batch, check_report, check_rollcall, printed_remarks
+from bench.statements.pages import check_batch, check_report, check_rollcall, overall, printed_remarks
 from bench.statements.screens import check_screens
 from bench.statements.sentences import ADRIFT_S, HOLD_S, LOST_S, SILENT_S, SLACK_S, Said, check_sentence
 from gcs.batch.report.overview import batch_page, read_results
@@ -294,10 +294,10 @@ def _again(flown: TrueFlight, folder: Path) -> Found:
     calls = _calls(flown)
     again = identify_session(open_session(flown.folder), folder / "again", hindsight=False)
     there, here = _counts(again), _counts(calls)
-    yield len(here), [(_over(flown, f"{what}: {there[what]}"), f"in flight {here[what]}") for what in here
+    yield len(here), [(overall(flown, "again", f"{what}: {there[what]}"), f"in flight {here[what]}") for what in here
                       if there[what] != here[what] and not _near(there[what], here[what])]  # fmt: skip
     page = re.sub("</?strong>", "", _page(flown, folder))
-    yield 1, [(_over(flown, "report"), f"in flight {calls.reports}")] * (calls.reports not in page)
+    yield 1, [(overall(flown, "again", "report"), f"in flight {calls.reports}")] * (calls.reports not in page)
 
 
 def _counts(calls: RollCall) -> dict[str, object]:
@@ -310,10 +310,6 @@ def _near(one: object, other: object) -> bool:
     """Two folds look at a silence at moments a fifth of a second apart; two NaN are the same."""
     numbers = isinstance(one, float) and isinstance(other, float)
     return numbers and (abs(float(one) - float(other)) < AGAIN_S or (one != one and other != other))  # type: ignore[arg-type]
-
-
-def _over(flown: TrueFlight, text: str) -> Said:
-    return Said(where="again", t_us=flown.moments[-1].now_us, text=text)
 
 
 def _rollcall(flown: TrueFlight, folder: Path) -> Found:

@@ -10,11 +10,10 @@ import pytest
 from bench.command_line import write_rows
 from bench.latency import PartTiming, crowd, text_of
 from bench.paper.experiments import CONTINUOUS, Condition, Count, conditions, evaluate
-from bench.paper.films import false_box_road, field, film, paper_road
+from bench.paper.films import false_box_road, field, film, paper_road, windows
 from bench.paper.methods import METHODS, ConditionNoise, MethodTime, times
 from bench.paper.occlusion import KEEPERS, ByteTrack, Kept, hidden_at_turns, walk
 from bench.paper.tables import PUBLISHED_MS, percent, pooled, published_at, write_tables
-from bench.paper.windows import windows
 from vision.detect.detections import Detections
 
 QUIET = ConditionNoise(position_m=0.0, topology=0.0)
