@@ -70,10 +70,6 @@ START_S, END_S = 60.0, 60.0
 _BEGUN = re.compile(r"recording in (.*): stop with")
 
 
-class StationError(RuntimeError):
-    """The flight did not begin, with its output."""
-
-
 def mission_text(ugvs: Sequence[int], keys: str = "none") -> str:
     """A mission file for UAV 1 and these vehicles."""
     vehicles = "".join(f"[[ugv]]\nsystem_id = {i}\n" for i in ugvs)
@@ -94,7 +90,7 @@ class FlyingStation:
         session: folder of its recording.
 
     Raises:
-        StationError: it ended, or printed nothing for too long; it is ended then.
+        RuntimeError: it ended, or printed nothing for too long; it is ended then.
     """
 
     def __init__(self, folder: Path, mission: str, port: int, more: Sequence[str] = ()) -> None:
@@ -153,6 +149,6 @@ class FlyingStation:
             if found := _BEGUN.search(self.output):
                 return Path(found[1])
             if not self.running:
-                raise StationError(f"the flight ended: {self.output.strip()[-400:]}")
+                raise RuntimeError(f"the flight ended: {self.output.strip()[-400:]}")
             time.sleep(0.05)
-        raise StationError(f"the flight did not begin in time: {self.output.strip()[-400:]}")
+        raise RuntimeError(f"the flight did not begin in time: {self.output.strip()[-400:]}")

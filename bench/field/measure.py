@@ -195,7 +195,6 @@ class Summary:
     """Several sessions. Shares in percent; NaN where there is nothing to take a share of."""
 
     sessions: int
-    ours: int
     precision: float
     right: float
     coverage: float
@@ -229,7 +228,6 @@ def summarise(tallies: Sequence[BoxCounts]) -> Summary:
     tracked = [t.track_idf1 for t in tallies if not math.isnan(t.track_idf1)]
     return Summary(
         sessions=len(tallies),
-        ours=total["ours"],
         precision=_percent(total["right"], total["named"]),
         right=_percent(total["right"], total["ours"]),
         coverage=_percent(total["ours_named"], total["ours"]),

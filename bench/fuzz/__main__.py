@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import random
-import sys
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from itertools import chain
@@ -15,6 +14,7 @@ from bench.fuzz.datagrams import BLOCK, INPUTS, DatagramScore, fuzz_datagrams, l
 from bench.fuzz.frames import FuzzScore, frame_pool
 from bench.fuzz.logs import LogScore, fuzz_logs
 from bench.fuzz.readers import ReaderScore, fuzz_places, fuzz_readers
+from gcs.cli.output.console import print_note
 from infra.markdown import markdown_table
 
 _HEAD = """# What damage and hostility cost: {}
@@ -112,7 +112,7 @@ def _logs(first: int, count: int) -> str:
     for seed in range(first, first + count, _STEP):
         for kind, score in fuzz_logs(range(seed, min(seed + _STEP, first + count))).items():
             scores.setdefault(kind, LogScore()).add(score)
-        _print_progress(f"{scores['all'].logs} logs, {len(scores['all'].failures)} to look at")
+        print_note(f"{scores['all'].logs} logs, {len(scores['all'].failures)} to look at")
     return logs_text(scores)
 
 
@@ -120,7 +120,7 @@ def _datagrams(first: int, count: int) -> str:
     score = DatagramScore()
     for start in range(0, count, BLOCK):
         score.add(fuzz_datagrams(first + start // BLOCK, min(BLOCK, count - start)))
-        _print_progress(f"{score.datagrams} datagrams, {len(score.failures)} exceptions")
+        print_note(f"{score.datagrams} datagrams, {len(score.failures)} exceptions")
     return datagrams_text(score)
 
 
@@ -130,12 +130,8 @@ def _readers(first: int, count: int, only: str) -> str:
         score.add(one)
         if one.failures or not (score.read + score.refused) % _STEP:
             said = one.failures[0] if one.failures else f"{score.read} read, {score.refused} refused"
-            _print_progress(said)
+            print_note(said)
     return readers_text(score)
-
-
-def _print_progress(line: str) -> None:
-    print(line, file=sys.stderr, flush=True)
 
 
 def main() -> None:

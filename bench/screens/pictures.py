@@ -13,6 +13,7 @@ import asyncio
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
+from itertools import product
 from pathlib import Path
 from typing import Any, Final
 
@@ -128,12 +129,10 @@ async def write(scenes: Iterable[str], options: argparse.Namespace) -> None:
     """Fly each scene once, and draw its last moment in all ways."""
     for name in scenes:
         moment = polls_of(SCENES[name].script)[-1]
-        for columns, rows in options.sizes:
-            for theme in options.themes:
-                for depth in options.depths:
-                    image = await picture_of(SCENES[name], moment, (columns, rows), theme, depth)
-                    words = (name.replace(" ", "-"), f"{columns}x{rows}", theme, depth)
-                    image.save(options.out / f"{'_'.join(words)}.png")
+        for (columns, rows), theme, depth in product(options.sizes, options.themes, options.depths):
+            image = await picture_of(SCENES[name], moment, (columns, rows), theme, depth)
+            words = (name.replace(" ", "-"), f"{columns}x{rows}", theme, depth)
+            image.save(options.out / f"{'_'.join(words)}.png")
         print(name, flush=True)
 
 

@@ -11,7 +11,6 @@ draws, and of the whole program, which also decodes.
 from __future__ import annotations
 
 import argparse
-import contextlib
 import os
 import random
 import re
@@ -19,7 +18,6 @@ import shutil
 import subprocess
 import tempfile
 import time
-from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -110,21 +108,11 @@ def measure_flight(keys: int, figures: Figures) -> None:
         simulator = [*GCS, "sim", "run", "curved-road", "--live", "--telemetry", f"udpout:127.0.0.1:{links}"]
         with TerminalSession([*map(str, flight), "--ui", "graphics=blocks"], WIDE) as session:
             session.wait_until(lambda text: "ROLLCALL" in text)
-            with _running([*map(str, simulator), "--stream", stream, "--truth", f"{folder}/truth.csv"]):
+            with TerminalSession([*simulator, "--stream", stream, "--truth", f"{folder}/truth.csv"], WIDE):
                 session.wait_until(lambda text: "▀" in text)
                 time.sleep(SETTLE_S)
                 measure_cpu(session, "live, 10 frames/s of 1080p, 120×40", figures, CPU_S / 2)
                 measure_keys(session, min(keys, 40), "beside a 1080p flight", figures)
-
-
-@contextlib.contextmanager
-def _running(command: list[str]) -> Iterator[None]:
-    process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
-    try:
-        yield
-    finally:
-        process.terminate()
-        process.wait(timeout=20)
 
 
 def simulate(folder: Path) -> Path:
