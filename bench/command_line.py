@@ -1,9 +1,17 @@
-"""What benchmarks have in common on the command line."""
+"""What benchmarks have in common: the command line, rows and pages that they write, and processes for the work."""
 
 from __future__ import annotations
 
 import argparse
+import csv
+import os
+from collections.abc import Iterable, Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from contextlib import contextmanager
+from dataclasses import astuple, fields
+from multiprocessing import get_context
 from pathlib import Path
+from typing import Any
 
 RESULTS = Path("bench-results")
 """In the working folder: what was measured and kept in bench/results is never written over."""
@@ -29,3 +37,42 @@ def count(text: str) -> int:
     if number < 1:
         raise argparse.ArgumentTypeError("1 or more is needed")
     return number
+
+
+def write_table(path: Path, head: Sequence[str], rows: Iterable[Iterable[object]]) -> None:
+    """Write a table as CSV; floats with six digits. Its folder is made where it is missing."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with path.open("w", newline="", encoding="utf-8") as file:
+        writer = csv.writer(file, lineterminator="\n")
+        writer.writerow(head)
+        writer.writerows([f"{cell:.6g}" if isinstance(cell, float) else cell for cell in row] for row in rows)
+
+
+def write_rows(path: Path, kind: type[Any], rows: Iterable[Any]) -> None:
+    """Write rows of one flat dataclass as CSV."""
+    write_table(path, [f.name for f in fields(kind)], map(astuple, rows))
+
+
+def write_page(path: Path, text: str) -> None:
+    """Write a page and print it. Its folder is made where it is missing."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(text, encoding="utf-8")
+    print(text)
+
+
+WORKERS = 2
+ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
+"""Environment that numerical libraries read when they are loaded."""
+
+
+@contextmanager
+def one_threaded(workers: int = WORKERS) -> Iterator[ProcessPoolExecutor]:
+    """A pool of processes that start afresh; the environment is as before afterwards."""
+    before = {name: os.environ.get(name) for name in ONE_THREAD}
+    os.environ.update(ONE_THREAD)
+    try:
+        with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
+            yield pool
+    finally:
+        for name, value in before.items():
+            os.environ.pop(name) if value is None else os.environ.update({name: value})

@@ -21,9 +21,7 @@ from unittest.mock import patch
 import numpy as np
 
 from assoc.identification.identifier import Identifier
-from bench.command_line import parser_of
-from bench.rows import write
-from bench.workers import one_threaded
+from bench.command_line import one_threaded, parser_of, write_page, write_rows
 from gcs.playback.analysis import Analysis
 from gcs.session.session import open_session
 from infra.markdown import markdown_table
@@ -166,11 +164,8 @@ def main() -> None:
     options = parser.parse_args()
     with one_threaded(1) as pool:
         timings = pool.submit(measure_streams, options.quick).result()
-    options.out.mkdir(parents=True, exist_ok=True)
-    write(options.out / "latency.csv", PartTiming, timings)
-    text = text_of(timings)
-    (options.out / "latency.md").write_text(text, encoding="utf-8")
-    print(text)
+    write_rows(options.out / "latency.csv", PartTiming, timings)
+    write_page(options.out / "latency.md", text_of(timings))
 
 
 if __name__ == "__main__":

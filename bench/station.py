@@ -7,13 +7,14 @@ import os
 import re
 import signal
 import subprocess
-import sys
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import psutil
+
+from tests.support.command_line import GCS
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -63,67 +64,46 @@ def _cost(pid: int) -> Cost:
     return Cost()
 
 
-FLY = (sys.executable, "-c", "from gcs.cli.app import main; main()")
-"""The ``gcs`` of this environment."""
 CAMERA = "[camera]\nwidth = 1920\nheight = 1080\nfx = 1200.0\nfy = 1200.0\ncx = 960.0\ncy = 540.0\n"
 START_S, END_S = 60.0, 60.0
 """Patience with a flight that begins, and with one that seals its recording."""
 _BEGUN = re.compile(r"recording in (.*): stop with")
 
 
-class StationError(RuntimeError):
-    """The flight did not begin, with its output."""
-
-
-def mission_text(ugvs: Sequence[int], keys: str = "none", more: str = "") -> str:
+def mission_text(ugvs: Sequence[int], keys: str = "none") -> str:
     """A mission file for UAV 1 and these vehicles."""
     vehicles = "".join(f"[[ugv]]\nsystem_id = {i}\n" for i in ugvs)
-    return f'[uav]\nsystem_id = 1\n{vehicles}[signing]\nkeys = "{keys}"\n{more}'
+    return f'[uav]\nsystem_id = 1\n{vehicles}[signing]\nkeys = "{keys}"\n{CAMERA}'
 
 
 class FlyingStation:
-    """Starts the flight and waits until it records.
+    """Starts ``gcs fly`` and waits until it records.
 
     Args:
-        gcs: the command, as words.
         folder: where the mission, the sessions and the output are kept.
         mission: text of the mission file.
-        links: of the telemetry.
+        port: of the telemetry.
         more: further words of the command line.
-        patience_s: with its start.
 
     Attributes:
         pid: of the flight.
-        ports: that it listens on.
         session: folder of its recording.
-        start_s: how long the start took.
 
     Raises:
-        StationError: it ended, or printed nothing for too long; it is ended then.
+        RuntimeError: it ended, or printed nothing for too long; it is ended then.
     """
 
-    def __init__(
-        self,
-        gcs: Sequence[str],
-        folder: Path,
-        mission: str,
-        links: Sequence[str],
-        more: Sequence[str] = (),
-        patience_s: float = START_S,
-    ) -> None:
+    def __init__(self, folder: Path, mission: str, port: int, more: Sequence[str] = ()) -> None:
         folder.mkdir(parents=True, exist_ok=True)
         file = folder / "mission.toml"
         file.write_text(mission)
-        self._output_path = folder / f"output-{time.monotonic_ns()}.txt"
-        words = [*gcs, "fly", str(file), "--headless", *more]
-        words += [] if "--sessions" in more else ["--sessions", str(folder / "sessions")]
-        words += [word for link in links for word in ("-l", link)]
+        self._output_path = folder / "output.txt"
+        words = [*GCS, "fly", str(file), "--headless", "-l", f"udpin:127.0.0.1:{port}", *more]
         # no key, no setting and no module of whoever runs this may take part
         home = {"HOME": str(folder), "XDG_CONFIG_HOME": str(folder / "config"), "XDG_DATA_HOME": str(folder / "data")}
-        began_s = time.monotonic()
         with self._output_path.open("w") as output:
             self._process = subprocess.Popen(
-                words,
+                [*words, "--sessions", str(folder / "sessions")],
                 stdin=subprocess.DEVNULL,
                 stdout=output,
                 stderr=subprocess.STDOUT,
@@ -131,13 +111,11 @@ class FlyingStation:
                 env=os.environ | home,
             )
         self.pid = self._process.pid
-        self.ports = tuple(int(link.rpartition(":")[2]) for link in links if link.startswith(("udp", "tcp")))
         try:
-            self.session = self._wait_for_session(began_s + patience_s)
+            self.session = self._wait_for_session(time.monotonic() + START_S)
         except BaseException:
             self.kill()
             raise
-        self.start_s = time.monotonic() - began_s
 
     @property
     def output(self) -> str:
@@ -171,6 +149,6 @@ class FlyingStation:
             if found := _BEGUN.search(self.output):
                 return Path(found[1])
             if not self.running:
-                raise StationError(f"the flight ended: {self.output.strip()[-400:]}")
+                raise RuntimeError(f"the flight ended: {self.output.strip()[-400:]}")
             time.sleep(0.05)
-        raise StationError(f"the flight did not begin in time: {self.output.strip()[-400:]}")
+        raise RuntimeError(f"the flight did not begin in time: {self.output.strip()[-400:]}")

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import time
 
-from bench.command_line import count, parser_of
+from bench.command_line import WORKERS, count, parser_of, write_page
 from bench.field.families import FAMILIES
 from bench.field.suite import play_all, tasks_of
 from bench.field.tables import report, write_reliability, write_sessions
-from bench.workers import WORKERS
 from gcs.cli.output.console import print_note
 from gcs.cli.output.progress import progress
 
@@ -28,13 +27,10 @@ def main() -> None:
     with progress("field") as show:
         outcomes = play_all(tasks, options.workers, show)
     title = f"{'quick look, ' if options.quick else ''}{'reporting' if options.seeds == 'report' else 'tuning'} seeds"
-    text = report(outcomes, title)
-    options.out.mkdir(parents=True, exist_ok=True)
-    (options.out / "field.md").write_text(text, encoding="utf-8")
+    write_page(options.out / "field.md", report(outcomes, title))
     write_sessions(outcomes, options.out / "sessions.csv")
     write_reliability(outcomes, options.out / "reliability.csv")
     print_note(f"{len(outcomes)} sessions in {time.monotonic() - began:.0f} s; wrote {options.out}")
-    print(text)
 
 
 if __name__ == "__main__":

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from bench.field.draws import road, session
+from bench.field.ordinary import road, session
 from sim.world.error_draws import gnss, signed, slight
 from sim.world.scenario import Scenario, ScenarioCamera, ScenarioDeclared, ScenarioFlight, ScenarioTiming, Zoom
 
@@ -56,17 +56,12 @@ ALTITUDES_HARD = ("+70, 20", "-48, -10", "+35, -15, -35°", "-70, 15, -35°", "c
 HILLS_HARD = ("+30 m", "+30 m, -45°", "-20 m, -45°", "-20 m, open", "slope 7°, -50°", "waves 6 m, -45°")
 
 
-def shaking(k: int, rng: np.random.Generator) -> Scenario:
-    """A camera without a gimbal on a body that wobbles by 1-2°."""
-    return _shaken(SHAKING[k], k, float(rng.uniform(1.0, 2.0)), rng)
+def shaking(label: str, k: int, rng: np.random.Generator) -> Scenario:
+    """A camera without a gimbal on a body that wobbles by 1-2°.
 
-
-def shaking_hard(k: int, rng: np.random.Generator) -> Scenario:
-    """The same with 2-3.5°, and attitude that comes too seldom or not at all."""
-    return _shaken(SHAKING_HARD[k], k, float(rng.uniform(2.0, 3.5)), rng)
-
-
-def _shaken(label: str, k: int, wobble_deg: float, rng: np.random.Generator) -> Scenario:
+    Hard: by 2-3.5°, and attitude that comes too seldom or not at all.
+    """
+    wobble_deg = float(rng.uniform(2.0, 3.5) if label in SHAKING_HARD else rng.uniform(1.0, 2.0))
     view, *parts = label.split(", ")
     rate = [float(part.split()[0]) for part in parts if part.endswith("Hz")]
     fps = [float(part.split()[0]) for part in parts if part.endswith("fps")]
@@ -178,16 +173,6 @@ def hill(label: str, k: int, rng: np.random.Generator) -> Scenario:
     )
 
 
-def unknown(k: int, rng: np.random.Generator) -> Scenario:
-    """A camera of which nobody says anything: neither field of view nor which way it looks."""
-    return _undescribed(UNKNOWN[k], k, rng, errors=0.6)
-
-
-def unknown_hard(k: int, rng: np.random.Generator) -> Scenario:
-    """The same with larger errors, seen more from the side, wider and longer, or without the UAV's attitude."""
-    return _undescribed(UNKNOWN_HARD[k], k, rng, errors=1.5)
-
-
 def zoom(label: str, k: int, rng: np.random.Generator) -> Scenario:
     """A camera that zooms at once and back again, which nothing reports; hard: by more, twice, or seen from aside."""
     steps, *rest = label.split(", ")
@@ -202,7 +187,12 @@ def zoom(label: str, k: int, rng: np.random.Generator) -> Scenario:
     )
 
 
-def _undescribed(label: str, k: int, rng: np.random.Generator, errors: float) -> Scenario:
+def unknown(label: str, k: int, rng: np.random.Generator) -> Scenario:
+    """A camera of which nobody says anything: neither field of view nor which way it looks.
+
+    Hard: with larger errors, seen more from the side, wider and longer, or without the UAV's attitude.
+    """
+    errors = 1.5 if label in UNKNOWN_HARD else 0.6
     across, view, vehicles, *rest = label.split(", ")
     focal = 960.0 / math.tan(math.radians(float(across.rstrip("°"))) / 2.0)
     turned = next((float(part.rstrip("°")) for part in rest if part.endswith("°")), 0.0)

@@ -131,7 +131,7 @@ _ALL: tuple[tuple[str, Make, Labels, Make, Labels], ...] = (
     ("bad-telem", ordinary.bad_telemetry, ordinary.FAULTS, ordinary.bad_telemetry_hard, ordinary.FAULTS_HARD),
     ("pose-free", ordinary.pose_free, ordinary.GROUNDS, ordinary.pose_free_hard, ordinary.BLIND),
     ("unmodelled", ordinary.unmodelled, ordinary.UNLIKE, ordinary.unmodelled_hard, ordinary.UNLIKE_HARD),
-    ("shaking", camera.shaking, camera.SHAKING, camera.shaking_hard, camera.SHAKING_HARD),
+    ("shaking", *_labelled(camera.shaking, camera.SHAKING, camera.SHAKING_HARD)),
     ("spoofers", other.spoofers, other.SPOOFERS, other.spoofers_hard, other.SPOOFERS_HARD),
     ("unrelated film", other.unrelated, other.FILMS, other.unrelated_hard, other.FILMS_HARD),
     ("wrong camera", *_labelled(camera.wrong_camera, camera.WRONG_CAMERAS, camera.WRONG_CAMERAS_HARD)),
@@ -140,24 +140,24 @@ _ALL: tuple[tuple[str, Make, Labels, Make, Labels], ...] = (
     ("smooth reports", other.smooth, other.SMOOTH, other.smooth_hard, other.SMOOTH_HARD),
     ("altitudes", *_labelled(camera.altitudes, camera.ALTITUDES, camera.ALTITUDES_HARD)),
     ("messy", *_labelled(messy.messy, messy.MESSY, messy.MESSY_HARD)),
-    ("crowded", messy.crowded, messy.CROWDED, messy.crowded_hard, messy.CROWDED_HARD),
+    ("crowded", *_labelled(messy.crowded, messy.CROWDED, messy.CROWDED_HARD)),
     ("late", *_labelled(messy.late, messy.LATE, messy.LATE_HARD)),
     ("missing", *_labelled(messy.missing, messy.MISSING, messy.MISSING_HARD)),
-    ("unknown camera", camera.unknown, camera.UNKNOWN, camera.unknown_hard, camera.UNKNOWN_HARD),
+    ("unknown camera", *_labelled(camera.unknown, camera.UNKNOWN, camera.UNKNOWN_HARD)),
     ("two boxes", *_labelled(messy.two_boxes, messy.TWO_BOXES, messy.TWO_BOXES_HARD)),
     ("bays", *_labelled(messy.bays, messy.BAYS, messy.BAYS_HARD)),
     ("zoom", *_labelled(camera.zoom, camera.ZOOM, camera.ZOOM_HARD)),
 )
 """Name, and how the standard and the hard version are made, with what their kinds are called; the n-th is family n."""
 
-_FILMS = {UNRELATED: (other.unrelated_film, other.unrelated_film_hard)}
+_FILMS = {(UNRELATED, False): other.unrelated_film, (UNRELATED, True): other.unrelated_film_hard}
 
-FAMILIES: dict[int, Family] = {}
-for _number, (_name, _make, _labels, _make_hard, _labels_hard) in enumerate(_ALL, 1):
-    _film, _film_hard = _FILMS.get(_number, (None, None))
-    FAMILIES[_number] = Family(
-        number=_number,
-        name=_name,
-        standard=Version(make=_make, labels=_labels, film=_film),
-        hard=Version(make=_make_hard, labels=_labels_hard, film=_film_hard),
+FAMILIES: dict[int, Family] = {
+    number: Family(
+        number=number,
+        name=name,
+        standard=Version(make=make, labels=labels, film=_FILMS.get((number, False))),
+        hard=Version(make=make_hard, labels=labels_hard, film=_FILMS.get((number, True))),
     )
+    for number, (name, make, labels, make_hard, labels_hard) in enumerate(_ALL, 1)
+}

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from bench.field.draws import FROM_THE_START_S, road, session
+from bench.field.ordinary import FROM_THE_START_S, road, session
 from sim.world.error_draws import gnss, signed, slight
 from sim.world.scenario import (
     Scenario,
@@ -56,17 +56,12 @@ def messy(label: str, k: int, rng: np.random.Generator) -> Scenario:
     )
 
 
-def crowded(k: int, rng: np.random.Generator) -> Scenario:
-    """Five of ours among 20 that look alike on four lanes, of whom some are missed in every frame."""
-    return _crowded(CROWDED[k], 20, rng)
+def crowded(label: str, k: int, rng: np.random.Generator) -> Scenario:
+    """Five of ours among 20 that look alike on four lanes, of whom some are missed in every frame.
 
-
-def crowded_hard(k: int, rng: np.random.Generator) -> Scenario:
-    """Five of 30, and nearly every third box is missing."""
-    return _crowded(CROWDED_HARD[k], 25, rng)
-
-
-def _crowded(label: str, strangers: int, rng: np.random.Generator) -> Scenario:
+    Hard: among 25, and nearly every third box is missing.
+    """
+    strangers = 25 if label in CROWDED_HARD else 20
     miss, bursts = 1.0 - float(label.split(",")[0].split()[1]), 2.0 if "bursts" in label else 0.0
     return session(
         rng,

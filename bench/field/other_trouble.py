@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from bench.field.draws import FROM_THE_START_S, road, session
+from bench.field.ordinary import FROM_THE_START_S, road, session
 from sim.world.error_draws import gnss, slight
 from sim.world.scenario import (
     Gnss,

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -10,9 +9,9 @@ from pathlib import Path
 
 import numpy as np
 
+from bench.command_line import write_table
 from bench.field.families import FAMILIES, UNRELATED
-from bench.field.measure import EDGES, BoxCounts
-from bench.field.summary import NAN, Outcome, Summary, summarise
+from bench.field.measure import EDGES, NAN, BoxCounts, Outcome, Summary, summarise
 from infra.markdown import markdown_table
 
 ALL = 0
@@ -33,7 +32,7 @@ class Goal:
     @property
     def at_most(self) -> bool:
         """True if less is better."""
-        return self.measure in _AT_MOST
+        return self.measure not in _AT_LEAST
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -58,9 +57,8 @@ class GoalResult:
         return f"{self.goal.measure}{where} {self.value:.{digits}f} {sign} {self.goal.limit:g}"
 
 
-_AT_MOST = (
-    *("false strangers", "first p90 s", "wrong ≥ 0.9 s", "wrong ≥ 0.9 s in all", "ECE", "p95 ms", "mismatch alarm s"),
-)
+_AT_LEAST = ("precision", "right", "FPER", "spoof flagged")
+"""Measures of which more is better."""
 _MEASURES: dict[str, Callable[[Summary], float]] = {
     "precision": lambda s: s.precision,
     "right": lambda s: s.right,
@@ -263,10 +261,10 @@ def _missed(outcomes: Sequence[Outcome]) -> str:
     return markdown_table(("family", "version", "goal"), rows) if rows else "None."
 
 
-def _worst(outcomes: Sequence[Outcome], most: int = 20) -> str:
+def _worst(outcomes: Sequence[Outcome]) -> str:
     ranked = sorted((o for o in outcomes if o.product.ours), key=lambda o: o.product.right / _claims(o.product))
     rows = []
-    for o in ranked[:most]:
+    for o in ranked[:20]:
         s = summarise([o.product])
         name = f"{o.family} {FAMILIES[o.family].name}{', hard' if o.hard else ''}: {o.label}"
         shares = (s.precision, s.right, s.fper, s.track_idf1)
@@ -293,33 +291,22 @@ def write_sessions(outcomes: Sequence[Outcome], path: Path) -> None:
         *("ece", "ece_all", "wrong_sure_s", "first_median_s", "first_p90_s", "again_median_s", "again_p90_s"),
     )
     times = ("cpu_mean_ms", "cpu_p95_ms", "wall_mean_ms", "wall_p95_ms")
-    with path.open("w", newline="", encoding="utf-8") as file:
-        rows = csv.writer(file, lineterminator="\n")
-        rows.writerow(("family", "version", "seed", "label", "method", *names, *times))
-        for o in outcomes:
-            head = (o.family, "hard" if o.hard else "standard", o.seed, o.label)
-            for method, one in (("product", o.product), ("by hindsight", o.afterwards)):
-                s = summarise([one])
-                cells = [f"{getattr(s, name):.6g}" for name in names]
-                spent = [f"{f(ms):.3f}" for ms in (o.cpu_ms, o.wall_ms) for f in (np.mean, _p95)]
-                rows.writerow((*head, method, *cells, *(spent if method == "product" else [""] * 4)))
-
-
-def _p95(values: np.ndarray[tuple[int], np.dtype[np.float64]]) -> float:
-    return float(np.percentile(values, 95))
+    rows = list[list[object]]()
+    for o in outcomes:
+        spent = [f"{value:.3f}" for ms in (o.cpu_ms, o.wall_ms) for value in (ms.mean(), np.percentile(ms, 95))]
+        for method, one, cost in (("product", o.product, spent), ("by hindsight", o.afterwards, [""] * 4)):
+            s = summarise([one])
+            head = (o.family, "hard" if o.hard else "standard", o.seed, o.label, method)
+            rows.append([*head, *(f"{getattr(s, name):.6g}" for name in names), *cost])
+    write_table(path, ("family", "version", "seed", "label", "method", *names, *times), rows)
 
 
 def write_reliability(outcomes: Sequence[Outcome], path: Path) -> None:
     """Named boxes of the product by confidence: how many, their mean confidence, the share that is right."""
-    with path.open("w", newline="", encoding="utf-8") as file:
-        rows = csv.writer(file, lineterminator="\n")
-        rows.writerow(("version", "from", "to", "boxes", "mean_confidence", "share_right"))
-        for version, hard in (("standard", False), ("hard", True)):
-            total = np.sum([o.product.bins for o in outcomes if o.hard == hard], axis=0)
-            if not np.ndim(total):
-                continue
-            for low, high, (n, confidence, right) in zip(EDGES, [*EDGES[1:], 1.0], total, strict=True):
-                if n:
-                    rows.writerow(
-                        (version, f"{low:g}", f"{high:g}", int(n), f"{confidence / n:.5f}", f"{right / n:.5f}")
-                    )
+    rows = []
+    for version, hard in (("standard", False), ("hard", True)):
+        bins = sum((o.product.bins for o in outcomes if o.hard == hard), np.zeros((len(EDGES), 3)))
+        for low, high, (n, confidence, right) in zip(EDGES, [*EDGES[1:], 1.0], bins, strict=True):
+            if n:
+                rows.append((version, f"{low:g}", f"{high:g}", int(n), f"{confidence / n:.5f}", f"{right / n:.5f}"))
+    write_table(path, ("version", "from", "to", "boxes", "mean_confidence", "share_right"), rows)

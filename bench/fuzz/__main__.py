@@ -3,36 +3,29 @@
 from __future__ import annotations
 
 import argparse
-import math
 import random
-import re
-import sys
-import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from itertools import chain
 from pathlib import Path
 
+from bench.command_line import RESULTS, write_page
 from bench.fuzz.datagrams import BLOCK, INPUTS, DatagramScore, fuzz_datagrams, lost, read_with_ours, read_with_pymavlink
-from bench.fuzz.frames import frame_pool
+from bench.fuzz.frames import FuzzScore, frame_pool
 from bench.fuzz.logs import LogScore, fuzz_logs
 from bench.fuzz.readers import ReaderScore, fuzz_places, fuzz_readers
+from gcs.cli.output.console import print_note
+from infra.markdown import markdown_table
 
-_HEAD = """# What damage and hostility cost
+_HEAD = """# What damage and hostility cost: {}
 
-Made by `python -m bench.fuzz`. Every case comes from a seed; the truth is known because the damage was done here.
+Every case comes from a seed; the truth is known because the damage was done here.
+
 """
 _MAX_FAILURES = 20
-
-
-def write_section(path: Path, title: str, text: str) -> None:
-    """Put a section into the file, in place of the one with the same title."""
-    old = path.read_text(encoding="utf-8") if path.exists() else _HEAD
-    body = f"## {title}\n\n{text.strip()}\n"
-    pattern = re.compile(rf"^## {re.escape(title)}\n.*?(?=^## |\Z)", re.MULTILINE | re.DOTALL)
-    found = pattern.search(old)
-    new = pattern.sub(lambda _: body + "\n", old) if found else f"{old.rstrip()}\n\n{body}"
-    path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text(new.rstrip() + "\n", encoding="utf-8")
+_LOG_COUNTS = (
+    *("logs", "whole", "lost", "wrong_times", "phantoms", "unknown_phantoms", "false_bytes", "missed_bytes"),
+)
 
 
 def logs_text(scores: Mapping[str, LogScore]) -> str:
@@ -51,13 +44,17 @@ def logs_text(scores: Mapping[str, LogScore]) -> str:
         f"{total.found_besides:,}; stamps wrong by more than a minute that were accepted: {total.stamps_believed}. "
         f"Slowest log {total.slowest_ms:.0f} ms of CPU.",
         "",
-        "| | logs | whole | lost | wrong time | phantoms | of unknown kind | falsely named B | missed B | slowest ms |",
-        "|---|---|---|---|---|---|---|---|---|---|",
-    ]
-    lines += [
-        f"| {kind} | {s.logs} | {s.whole} | {s.lost} | {s.wrong_times} | {s.phantoms} | {s.unknown_phantoms} | "
-        f"{s.false_bytes} | {s.missed_bytes} | {s.slowest_ms:.1f} |"
-        for kind, s in sorted(scores.items())
+        markdown_table(
+            (
+                "",
+                *("logs", "whole", "lost", "wrong time", "phantoms", "of unknown kind"),
+                *("falsely named B", "missed B", "slowest ms"),
+            ),
+            [
+                [kind, *(str(getattr(s, name)) for name in _LOG_COUNTS), f"{s.slowest_ms:.1f}"]
+                for kind, s in sorted(scores.items())
+            ],
+        ),
     ]
     shown = sorted(total.failures, key=lambda line: "lost 0, wrong times 0" in line)[:_MAX_FAILURES]
     if shown:
@@ -66,45 +63,48 @@ def logs_text(scores: Mapping[str, LogScore]) -> str:
 
 
 def datagrams_text(score: DatagramScore) -> str:
-    """One paragraph."""
-    lines = [
+    """One paragraph, and what failed."""
+    return _with_failures(
         f"{score.datagrams:,} datagrams through split, decode and the fleet's state: {score.frames:,} frames let "
         f"through, {score.notices:,} notices. Exceptions {len(score.failures)}; slowest datagram "
         f"{score.slowest_ms:.1f} ms of CPU.",
-    ]
-    return "\n".join([*lines, *(f"- {line[:400]}" for line in score.failures[:_MAX_FAILURES])])
+        score,
+    )
+
+
+def _with_failures(text: str, score: FuzzScore) -> str:
+    return "\n".join([text, *(f"- {line[:400]}" for line in score.failures[:_MAX_FAILURES])])
 
 
 def streams_text(count: int = 2000) -> str:
     """Undamaged frames lost by our parser and by pymavlink's."""
     version2 = [f for f in frame_pool(carried=False) if f[0] == 0xFD and not f[2] and f[7:10] != b"\x61\xea\0"]
     frames: Sequence[bytes] = version2[:count]
-    lines = [
-        f"Undamaged frames lost of {len(frames)}, one in ten hit, pieces of 333 bytes.",
-        "",
-        "| input | ours lost | pymavlink lost |",
-        "|---|---|---|",
+    made = {name: make(frames, random.Random(1)) for name, make in INPUTS.items()}
+    rows = [
+        [name, *(str(lost(parts, read)[0]) for read in (read_with_ours, read_with_pymavlink))]
+        for name, parts in made.items()
     ]
-    for name, make in INPUTS.items():
-        parts = make(frames, random.Random(1))
-        lines.append(f"| {name} | {lost(parts, read_with_ours)[0]} | {lost(parts, read_with_pymavlink)[0]} |")
-    return "\n".join(lines)
+    about = f"Undamaged frames lost of {len(frames)}, one in ten hit, pieces of 333 bytes."
+    return f"{about}\n\n{markdown_table(('input', 'ours lost', 'pymavlink lost'), rows)}"
 
 
 def readers_text(score: ReaderScore) -> str:
     """One paragraph, and what failed."""
     files = score.read + score.refused + len(score.failures)
-    lines = [
+    return _with_failures(
         f"{files:,} files of all readers, damaged or replaced by pipes, folders, devices and links: {score.read:,} "
         f"read, {score.refused:,} refused in one line each. Exceptions, crashes, files that took longer than a minute "
         f"or more memory than three times their size and 200 MB: {len(score.failures)}. Most memory for one file: "
         f"{score.most_bytes / 1e6:.0f} MB.",
-    ]
-    return "\n".join([*lines, *(f"- {line[:400]}" for line in score.failures[:_MAX_FAILURES])])
+        score,
+    )
 
 
 _COUNTS = {"logs": 10_000, "datagrams": 1_000_000, "streams": 2000, "readers": 500}
 _STEP = 200
+GOOD = Path("tests/corpus/readers")
+"""Good files of all readers."""
 
 
 def _logs(first: int, count: int) -> str:
@@ -112,7 +112,7 @@ def _logs(first: int, count: int) -> str:
     for seed in range(first, first + count, _STEP):
         for kind, score in fuzz_logs(range(seed, min(seed + _STEP, first + count))).items():
             scores.setdefault(kind, LogScore()).add(score)
-        _print_progress(f"{scores['all'].logs} logs, {len(scores['all'].failures)} to look at")
+        print_note(f"{scores['all'].logs} logs, {len(scores['all'].failures)} to look at")
     return logs_text(scores)
 
 
@@ -120,24 +120,18 @@ def _datagrams(first: int, count: int) -> str:
     score = DatagramScore()
     for start in range(0, count, BLOCK):
         score.add(fuzz_datagrams(first + start // BLOCK, min(BLOCK, count - start)))
-        _print_progress(f"{score.datagrams} datagrams, {len(score.failures)} exceptions")
+        print_note(f"{score.datagrams} datagrams, {len(score.failures)} exceptions")
     return datagrams_text(score)
 
 
-def _readers(good: Path, first: int, count: int, only: str, most_s: float) -> str:
-    score, end_s = ReaderScore(), time.monotonic() + most_s
-    for one in chain(fuzz_places(good, only=only), fuzz_readers(good, range(first, first + count), only=only)):
+def _readers(first: int, count: int, only: str) -> str:
+    score = ReaderScore()
+    for one in chain(fuzz_places(GOOD, only=only), fuzz_readers(GOOD, range(first, first + count), only=only)):
         score.add(one)
         if one.failures or not (score.read + score.refused) % _STEP:
             said = one.failures[0] if one.failures else f"{score.read} read, {score.refused} refused"
-            _print_progress(said)
-        if time.monotonic() > end_s:
-            break
+            print_note(said)
     return readers_text(score)
-
-
-def _print_progress(line: str) -> None:
-    print(line, file=sys.stderr, flush=True)
 
 
 def main() -> None:
@@ -145,22 +139,18 @@ def main() -> None:
     parser.add_argument("what", choices=list(_COUNTS))
     parser.add_argument("--count", type=int, help="cases; " + ", ".join(f"{k} {v}" for k, v in _COUNTS.items()))
     parser.add_argument("--seed", type=int, default=0, help="the first seed")
-    parser.add_argument("--good", type=Path, default=Path("tests/corpus/readers"), help="good files of all readers")
-    parser.add_argument("--minutes", type=float, default=math.inf, help="readers: no file is begun after that")
     parser.add_argument("--only", default="", help="one reader")
-    parser.add_argument("--out", type=Path, default=Path("bench-results/fuzz.md"))
+    parser.add_argument("--out", type=Path, default=RESULTS, help="folder of the page (%(default)s)")
     options = parser.parse_args()
     count = _COUNTS[options.what] if options.count is None else options.count
-    if options.what == "logs":
-        text = _logs(options.seed, count)
-    elif options.what == "datagrams":
-        text = _datagrams(options.seed, count)
-    elif options.what == "readers":
-        text = _readers(options.good, options.seed, count, options.only, 60 * options.minutes)
-    else:
-        text = streams_text(count)
-    print(text)
-    write_section(options.out, options.what.capitalize(), text)
+    fuzzers: dict[str, Callable[[int, int], str]] = {
+        "logs": _logs,
+        "datagrams": _datagrams,
+        "streams": lambda first, count: streams_text(count),
+        "readers": partial(_readers, only=options.only),
+    }
+    text = fuzzers[options.what](options.seed, count)
+    write_page(options.out / f"fuzz_{options.what}.md", _HEAD.format(options.what) + text + "\n")
 
 
 if __name__ == "__main__":

@@ -9,12 +9,12 @@ import random
 import time
 from collections import Counter, deque
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega
 
-from bench.fuzz.frames import frame_pool
+from bench.fuzz.frames import FuzzScore, frame_pool
 from mavlink.fleet.fleet import Fleet
 from mavlink.protocol.decode import decode
 from mavlink.protocol.dialect import DEFINITIONS
@@ -32,22 +32,14 @@ _WORDS = (
 )
 
 
-@dataclass(slots=True)
-class DatagramScore:
+@dataclass(slots=True, kw_only=True)
+class DatagramScore(FuzzScore):
     """Sums over datagrams."""
 
     datagrams: int = 0
     frames: int = 0
     notices: int = 0
     slowest_ms: float = 0.0
-    failures: list[str] = field(default_factory=list)
-
-    def add(self, other: DatagramScore) -> None:
-        self.datagrams += other.datagrams
-        self.frames += other.frames
-        self.notices += other.notices
-        self.slowest_ms = max(self.slowest_ms, other.slowest_ms)
-        self.failures += other.failures
 
 
 def _wild_payload(size: int, rng: random.Random) -> bytes:

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import random
+from dataclasses import dataclass, field, fields
 from functools import cache
+from typing import Self
 
 from pymavlink.dialects.v20 import ardupilotmega
 
@@ -13,6 +15,19 @@ from mavlink.protocol.framing import checksum
 UNKNOWN_ID, UNKNOWN_EXTRA = 60_001, 77
 """A message of a dialect that is not installed."""
 TUNNEL_ID = ardupilotmega.MAVLINK_MSG_ID_TUNNEL
+
+
+@dataclass(slots=True, kw_only=True)
+class FuzzScore:
+    """Sums over cases; of what is slowest or takes most the greatest."""
+
+    failures: list[str] = field(default_factory=list)
+
+    def add(self, other: Self) -> None:
+        """Take in the sums of others."""
+        for f in fields(self):
+            mine, theirs = getattr(self, f.name), getattr(other, f.name)
+            setattr(self, f.name, max(mine, theirs) if f.name in ("slowest_ms", "most_bytes") else mine + theirs)
 
 
 def unknown_frame(seq: int, payload: bytes, message_id: int = UNKNOWN_ID, extra: int = UNKNOWN_EXTRA) -> bytes:

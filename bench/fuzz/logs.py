@@ -9,12 +9,12 @@ from __future__ import annotations
 import random
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from bench.fuzz.frames import TUNNEL_ID, UNKNOWN_ID, frame_pool, is_signed
+from bench.fuzz.frames import TUNNEL_ID, UNKNOWN_ID, FuzzScore, frame_pool, is_signed
 from mavlink.protocol.framing import SIGNATURE_LENGTH
 from mavlink.protocol.packet import MAGIC_V2, Packet
 from mavlink.tlog.index import TlogIndex, build_index
@@ -292,7 +292,7 @@ class LogCase:
 
 
 @dataclass(slots=True, kw_only=True)
-class LogScore:
+class LogScore(FuzzScore):
     """Sums over cases."""
 
     logs: int = 0
@@ -319,12 +319,6 @@ class LogScore:
     wrong_counts: int = 0
     """Logs whose summary disagrees with their rows."""
     slowest_ms: float = 0.0
-    failures: list[str] = field(default_factory=list)
-
-    def add(self, other: LogScore) -> None:
-        for f in fields(self):
-            mine, theirs = getattr(self, f.name), getattr(other, f.name)
-            setattr(self, f.name, max(mine, theirs) if f.name == "slowest_ms" else mine + theirs)
 
 
 def _times(count: int, clock: str, rng: random.Random) -> NDArray[np.int64]:

@@ -16,11 +16,12 @@ import signal
 import tempfile
 from collections.abc import Callable, Iterator
 from contextlib import closing
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
 from assoc.errors import AssocError
+from bench.fuzz.frames import FuzzScore
 from gcs.batch.flights import find_flights
 from gcs.errors import GcsError
 from gcs.importing.film_log import read_film_log
@@ -172,54 +173,36 @@ READERS: dict[str, Reader] = {
 """By the folder of good files that each one's are in."""
 
 
-@dataclass(slots=True)
-class ReaderScore:
+@dataclass(slots=True, kw_only=True)
+class ReaderScore(FuzzScore):
     """Sums over files."""
 
     read: int = 0
     refused: int = 0
-    failures: list[str] = field(default_factory=list)
     most_bytes: int = 0
     """Largest memory that one file took."""
-
-    def add(self, other: ReaderScore) -> None:
-        """Take in the sums of others."""
-        self.read += other.read
-        self.refused += other.refused
-        self.failures += other.failures
-        self.most_bytes = max(self.most_bytes, other.most_bytes)
 
 
 def _spoil(rng: random.Random, path: Path) -> None:
     path.write_bytes(spoilt(path.read_bytes(), rng))
 
 
-def _a_pipe(path: Path) -> None:
-    path.unlink()
-    os.mkfifo(path)
+def _instead(make: Callable[[Path], object]) -> Callable[[Path], object]:
+    def change(path: Path) -> None:
+        path.unlink()
+        make(path)
+
+    return change
 
 
-def _a_folder(path: Path) -> None:
-    path.unlink()
-    path.mkdir()
-
-
-def _an_endless_device(path: Path) -> None:
-    path.unlink()
-    path.symlink_to("/dev/zero")
-
-
-def _itself(path: Path) -> None:
-    path.unlink()
-    path.symlink_to(path.name)
-
-
-def _ten_megabytes_more(path: Path) -> None:
-    os.truncate(path, 10_000_000)
-
-
-PLACES = (_a_pipe, _a_folder, _an_endless_device, _itself, _ten_megabytes_more)
-"""Functions that put something else in the place of a file."""
+PLACES: dict[str, Callable[[Path], object]] = {
+    "a pipe": _instead(os.mkfifo),
+    "a folder": _instead(Path.mkdir),
+    "an endless device": _instead(lambda path: path.symlink_to("/dev/zero")),
+    "itself": _instead(lambda path: path.symlink_to(path.name)),
+    "ten megabytes more": lambda path: os.truncate(path, 10_000_000),
+}
+"""Functions that put something else in the place of a file, by what it is."""
 
 
 def fuzz_readers(good: Path, seeds: range, *, only: str = "") -> Iterator[ReaderScore]:
@@ -239,8 +222,8 @@ def fuzz_readers(good: Path, seeds: range, *, only: str = "") -> Iterator[Reader
 def fuzz_places(good: Path, *, only: str = "") -> Iterator[ReaderScore]:
     """Each good file replaced by what no file should be."""
     for path in _files(good, only):
-        for place in PLACES:
-            yield _try(good, path, place.__name__.strip("_").replace("_", " "), place)
+        for what, place in PLACES.items():
+            yield _try(good, path, what, place)
 
 
 def _files(good: Path, only: str) -> list[Path]:

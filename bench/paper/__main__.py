@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from bench.command_line import parser_of
+from bench.command_line import one_threaded, parser_of, write_rows
 from bench.paper.experiments import Count, conditions, evaluate
+from bench.paper.methods import times
 from bench.paper.occlusion import Kept, play
 from bench.paper.tables import write_tables
-from bench.paper.times import times
-from bench.rows import write
-from bench.workers import one_threaded
 from gcs.cli.output.progress import progress
 
 FLIGHTS, QUICK_FLIGHTS, WINDOWS = 20, 1, 50
@@ -25,9 +23,8 @@ def main() -> None:
             counts += result
             report(done, len(plan))
         kept += [one for flight in occluded for one in flight]
-    options.out.mkdir(parents=True, exist_ok=True)
-    write(options.out / "results.csv", Count, counts)
-    write(options.out / "occlusion.csv", Kept, kept)
+    write_rows(options.out / "results.csv", Count, counts)
+    write_rows(options.out / "occlusion.csv", Kept, kept)
     write_tables(options.out, counts, kept, times(WINDOWS), options.quick)
     print(f"{options.out}: {len(counts)} rows")
 

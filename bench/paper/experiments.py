@@ -7,9 +7,8 @@ from itertools import product
 
 import numpy as np
 
-from bench.paper.films import false_box_road, field, film, paper_road
+from bench.paper.films import Window, false_box_road, field, film, paper_road, windows
 from bench.paper.methods import METHODS, ConditionNoise, MethodAnswer, identify
-from bench.paper.windows import Window, windows
 from sim.world.scenario import Scenario
 
 ROADS, ROTATIONS = ("straight", "curved"), (0.0, 90.0, 180.0)

@@ -5,6 +5,7 @@ An answer is (m,) the index of the vehicle of each box, −1 for none.
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -22,10 +23,9 @@ from assoc.methods.topology import (
     topology_cost,
 )
 from assoc.records import CameraState, Observation, VehicleReports
-from bench.paper.films import CAMERA
+from bench.paper.films import CAMERA, Window, film, paper_road, windows
 from bench.paper.projection import Projection, associate_by_projection, reprojection_errors
 from bench.paper.tts import associate_by_tts, associate_by_tts_once, tts_similarity
-from bench.paper.windows import Window
 from vision.camera.camera import CameraPose, Mount, camera_pose, ground
 from vision.camera.intrinsics import Intrinsics
 
@@ -224,3 +224,38 @@ def vehicle_reports(t_us: int, p: FloatArray, heading: FloatArray) -> VehicleRep
         heading=heading,
         std_m=np.full(n, np.nan),
     )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MethodTime:
+    """Processor time that a published method takes for a window (Table 1)."""
+
+    method: str
+    cpu_ms: float
+    """Median over the windows, of one thread."""
+
+
+def times(most: int) -> list[MethodTime]:
+    """Times for seven vehicles and six boxes; of fusion, that of the two costs alone.
+
+    Args:
+        most: Windows used.
+    """
+    noise, rng = ConditionNoise(position_m=1.0, topology=1.0), np.random.default_rng(1)
+    cut = windows(film(paper_road("straight", 0.0, 1)), 12, 1, boxes=6, visible=6)[:most]
+    costs = rng.random((2, 6, 7))
+
+    def fused(window: Window, noise: ConditionNoise) -> object:
+        return fuse(masses(costs[0]), masses(costs[1]))
+
+    taken = {name: METHODS[name] for name in ("projection", "topology", "TTS")} | {"fusion": fused}
+    return [MethodTime(method=name, cpu_ms=_median_ms(method, cut, noise)) for name, method in taken.items()]
+
+
+def _median_ms(method: Callable[[Window, ConditionNoise], object], cut: list[Window], noise: ConditionNoise) -> float:
+    spent = []
+    for window in cut:
+        began = time.thread_time()
+        method(window, noise)
+        spent.append(1e3 * (time.thread_time() - began))
+    return float(np.median(spent))

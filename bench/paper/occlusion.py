@@ -38,6 +38,8 @@ HIGH, LOW, NEW = 0.5, 0.1, 0.6
 FIRST, SECOND, UNCONFIRMED = 0.8, 0.5, 0.7
 BUFFER = 30
 _PLACE, _SPEED = 1.0 / 20.0, 1.0 / 160.0
+DETECTED = ("cx", "cy", "w", "h", "angle", "score", "heading")
+"""What detections and tracks have in common, in the order of the detector's model."""
 _F = np.eye(8) + np.eye(8, k=4)
 
 
@@ -142,24 +144,13 @@ class ByteTrack:
     def _seen(self, detections: Detections) -> Tracks:
         seen = sorted((t for t in self._tracks if t.detection >= 0 and t.confirmed), key=lambda t: t.track_id)
         rows = np.array([track.detection for track in seen], np.intp)
-        none = np.zeros(len(seen))
         return Tracks(
             track_id=np.array([track.track_id for track in seen], np.int64),
             detection=rows,
-            cx=detections.cx[rows],
-            cy=detections.cy[rows],
-            w=detections.w[rows],
-            h=detections.h[rows],
-            angle=detections.angle[rows],
-            heading=detections.heading[rows],
-            score=detections.score[rows],
             hits=np.ones(len(seen), np.int64),
-            age_s=none,
-            gap_s=none.copy(),
-            missed_s=none.copy(),
-            vx=none.copy(),
-            vy=none.copy(),
             expected=np.full((len(seen), 2), np.nan),
+            **{name: getattr(detections, name)[rows] for name in DETECTED},
+            **{name: np.zeros(len(seen)) for name in ("age_s", "gap_s", "missed_s", "vx", "vy")},
         )
 
 
@@ -267,8 +258,7 @@ def camera_motion(walk: Walk, frame: int) -> FloatArray | None:
 
 
 def _detections(rows: FloatArray) -> Detections:
-    names = ("cx", "cy", "w", "h", "angle", "score", "heading")
-    return Detections(**dict(zip(names, np.ascontiguousarray(rows.T), strict=True)))
+    return Detections(**dict(zip(DETECTED, np.ascontiguousarray(rows.T), strict=True)))
 
 
 class Plain:

@@ -7,8 +7,8 @@ from dataclasses import replace
 from pathlib import Path
 
 from bench.paper.experiments import CONTINUOUS, Count
+from bench.paper.methods import MethodTime
 from bench.paper.occlusion import Kept
-from bench.paper.times import MethodTime
 from infra.markdown import markdown_table
 
 FIG7_LOW = {"straight": 90.0, "curved": 80.0}
@@ -105,12 +105,8 @@ def _sweep(counts: list[Count], experiment: str, method: str, title: str, axis: 
             theirs = [_precision(pooled(counts, experiment, method, rotation_deg=r, **where)) for r in rotations]
             ours = pooled(counts, experiment, "identifier", **where)
             rows.append([f"{level:g}", percent(published_at(experiment, road, level)), *theirs, _both(ours)])
-        header = [
-            "σ",
-            "published, 0°",
-            *(f"{method}, {r:g}°" for r in rotations),
-            "identifier: precision / right of all",
-        ]
+        theirs = [f"{method}, {r:g}°" for r in rotations]
+        header = ["σ", "published, 0°", *theirs, "identifier: precision / right of all"]
         parts.append(f"\n## {road.capitalize()} road\n\n" + markdown_table(header, rows) + "\n")
     return "".join(parts) + "\n" + _REMARKS[experiment]
 
@@ -132,20 +128,13 @@ def _figure10(counts: list[Count]) -> str:
     methods = ("topology", "topology signed", "TTS", "TTS one step", "identifier")
     parts = [f"# Figure 10: topology and TTS\n\nPrecision in %, no rotation.\n\n{SETTING}"]
     for road in ("straight", "curved"):
-        rows = [
-            [
-                f"{level:g}",
-                *(
-                    _precision(pooled(counts, "figure 8", m, case=road, rotation_deg=0.0, sigma_topology=level))
-                    for m in methods
-                ),
-            ]
-            for level in levels
-        ]
+        rows = []
+        for level in levels:
+            where = {"case": road, "rotation_deg": 0.0, "sigma_topology": level}
+            rows.append([f"{level:g}", *(_precision(pooled(counts, "figure 8", m, **where)) for m in methods)])
         parts.append(f"\n## {road.capitalize()} road\n\n" + markdown_table(["σ", *methods], rows) + "\n")
-    return (
-        "".join(parts) + "\nPublished: TTS is acceptable at low noise and falls behind topology under noise (a plot).\n"
-    )
+    parts.append("\nPublished: TTS is acceptable at low noise and falls behind topology under noise (a plot).\n")
+    return "".join(parts)
 
 
 def _pair(count: Count | None) -> str:
@@ -185,11 +174,9 @@ def _table3(counts: list[Count]) -> str:
     frames = pooled(counts, "field", "identifier", case="12 frames")
     head = (
         "# Table 3: three vehicles and a person\n\nPrecision / FPER in %; simulated, 39 m high, receivers that wander "
-    )
-    head += (
         f"by 1.5 m (τ 60 s) and 0.2 m white, twelve flights, {frames.frames if frames else 0} frames. The published "
+        "column is their field recording.\n\n"
     )
-    head += "column is their field recording.\n\n"
     return head + markdown_table(["method", "published", "our implementation", "identifier"], rows) + "\n"
 
 
@@ -200,8 +187,8 @@ def _table1(times: list[MethodTime]) -> str:
     ]
     head = (
         "# Table 1: latency, ms\n\nPublished on an i9-13900HX with an RTX 3090; ours is the median processor time of "
+        "one thread for a window of seven vehicles and six boxes.\n\n"
     )
-    head += "one thread for a window of seven vehicles and six boxes.\n\n"
     return head + markdown_table(["method", "published", "ours"], rows) + "\n"
 
 

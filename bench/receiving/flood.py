@@ -1,6 +1,6 @@
 """Telemetry of a hundred vehicles while the machine is busy and the port is flooded: what arrives, at both ends.
 
-    python bench/receiving/flood.py --seconds 60 --markdown bench/results/flood.md
+    python -m bench.receiving.flood --seconds 60 --out bench/results/flood.md
 
 Sender, flood and station are processes of one machine and share its cores. In the station two threads can be kept busy
 in Python, as detection and screens would keep it.
@@ -18,6 +18,7 @@ from collections import Counter
 from dataclasses import dataclass
 from pathlib import Path
 
+from bench.command_line import RESULTS, write_page
 from bench.receiving.senders import FLOODER, send_fleet, send_flood, start_sender
 from infra.markdown import markdown_table
 from mavlink.ingest.health import IngestHealth
@@ -25,7 +26,8 @@ from mavlink.ingest.ingest import Ingest
 from mavlink.tlog.log import Tlog
 from tests.support.ports import free_port
 
-VEHICLES = 100
+VEHICLES, RATE = 100, 5000.0
+"""And packets a second of all of them."""
 FLOOD_AFTER_S = 2.0
 """The vehicles are known by then."""
 _SETTLE_S = 1.5
@@ -36,9 +38,18 @@ class FloodCase:
     """One run."""
 
     name: str
-    rate: float
     busy: int = 0
+    """Busy threads in the station."""
     flood: float = 0.0
+    """Datagrams a second of an unknown sender."""
+
+
+CASES = (
+    FloodCase(name="quiet"),
+    FloodCase(name="busy station", busy=2),
+    FloodCase(name="flood", flood=100_000.0),
+    FloodCase(name="busy station and flood", busy=2, flood=100_000.0),
+)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -67,7 +78,7 @@ def run(case: FloodCase, seconds: float, folder: Path) -> FloodResult:
     busy = [threading.Thread(target=_spin, args=(stop,), daemon=True) for _ in range(case.busy)]
     for thread in busy:
         thread.start()
-    senders = [start_sender(send_fleet, port, VEHICLES, case.rate, seconds)]
+    senders = [start_sender(send_fleet, port, VEHICLES, RATE, seconds)]
     fleet, _ = senders[0]
     flood_at = time.monotonic() + FLOOD_AFTER_S if case.flood else math.inf
     taken: Counter[int] = Counter()
@@ -126,25 +137,14 @@ def table(rows: list[tuple[FloodCase, FloodResult]], seconds: float) -> str:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--seconds", type=float, default=60.0)
-    parser.add_argument("--rate", type=float, default=5000.0, help="packets a second of all vehicles")
-    parser.add_argument("--flood", type=float, default=100_000.0, help="datagrams a second of the unknown sender")
-    parser.add_argument("--busy", type=int, default=2, help="busy threads in the station")
-    parser.add_argument("--markdown", type=Path)
+    parser.add_argument("--out", type=Path, default=RESULTS / "flood.md", help="the table (%(default)s)")
     options = parser.parse_args()
-    cases = [
-        FloodCase(name="quiet", rate=options.rate),
-        FloodCase(name="busy station", rate=options.rate, busy=options.busy),
-        FloodCase(name="flood", rate=options.rate, flood=options.flood),
-        FloodCase(name="busy station and flood", rate=options.rate, busy=options.busy, flood=options.flood),
-    ]
     rows = []
     with tempfile.TemporaryDirectory() as folder:
-        for case in cases:
+        for case in CASES:
             rows.append((case, run(case, options.seconds, Path(folder))))
             print(table(rows[-1:], options.seconds), flush=True)
-    text = table(rows, options.seconds)
-    if options.markdown:
-        options.markdown.write_text(text)
+    write_page(options.out, table(rows, options.seconds))
 
 
 if __name__ == "__main__":

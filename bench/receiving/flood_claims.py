@@ -1,6 +1,6 @@
 """Floods that claim to be a vehicle of the fleet, by its system id, its address or both, against ``gcs fly``.
 
-    python -m bench.receiving.flood_claims --seconds 30 [--only "300 ports"] [--markdown bench/results/flood_claims.md]
+    python -m bench.receiving.flood_claims --seconds 30 [--only "300 ports"] [--out bench/results/flood_claims.md]
 
 Twenty vehicles send from ports of their own; one of them, system 11, is imitated. The flight is the command that a user
 gives; what was recorded is read from its session, and distinguished by the bytes of the frames. It fails where another
@@ -21,8 +21,9 @@ from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 
+from bench.command_line import RESULTS, write_page
 from bench.receiving.senders import fleet_frames, send_fleet, send_flood, start_sender
-from bench.station import CAMERA, FLY, FlyingStation, mission_text
+from bench.station import FlyingStation, mission_text
 from gcs.session.event_log import read_events
 from infra.files.segment import segments
 from infra.markdown import markdown_table
@@ -131,8 +132,8 @@ def _fly(stack: ExitStack, folder: Path, port: int, secrets: Sequence[bytes]) ->
     keys.mkdir(mode=0o700)
     for k, secret in enumerate(secrets):
         write_key(keys, k + 1, secret)
-    mission = mission_text(range(2, VEHICLES + 1), str(keys) if secrets else "none", CAMERA)
-    station = FlyingStation(FLY, folder, mission, [f"udpin:127.0.0.1:{port}"])
+    mission = mission_text(range(2, VEHICLES + 1), str(keys) if secrets else "none")
+    station = FlyingStation(folder, mission, port)
     stack.callback(station.end)
     time.sleep(2.0)
     return station.session
@@ -180,9 +181,7 @@ def faults(case: ClaimCase, r: ClaimResult) -> list[str]:
 
 def table(rows: Sequence[tuple[ClaimCase, ClaimResult]]) -> str:
     """The results as Markdown."""
-    about = (
-        f"{VEHICLES} vehicles, {RATE:,.0f} packets/s in all, {os.cpu_count()} cores shared by fleet, flood and flight."
-    )
+    about = f"{VEHICLES} vehicles, {RATE:,.0f} packets/s, {os.cpu_count()} cores shared by fleet, flood and flight."
     head = ("attack", "flood sent", "of it recorded", "sent by the others", "lost", "sent by the imitated", "lost", "")
     counts = []
     for case, r in rows:
@@ -190,14 +189,8 @@ def table(rows: Sequence[tuple[ClaimCase, ClaimResult]]) -> str:
         others, kept = sum(r.sent) - mine, sum(r.recorded) - recorded
         numbers = (r.flooded, r.of_it, others, others - kept, mine, mine - recorded)
         counts.append([case.name, *(f"{n:,}" for n in numbers), "; ".join(faults(case, r)) or "held"])
-    lines = [
-        about,
-        "",
-        markdown_table(head, counts),
-        "",
-        "What the link reported, in seconds since the flood began:",
-        "",
-    ]
+    lines = [about, "", markdown_table(head, counts), ""]
+    lines += ["What the link reported, in seconds since the flood began:", ""]
     for case, r in rows:
         lines.append(f"- {case.name} ({r.flood_s:.0f} s):")
         lines += [f"  - {at_s:.1f}: {text}" for at_s, text in r.reported]
@@ -210,7 +203,7 @@ def main() -> int:
     )
     parser.add_argument("--seconds", type=float, default=30.0)
     parser.add_argument("--only", default="", help="attacks whose name has this")
-    parser.add_argument("--markdown", type=Path)
+    parser.add_argument("--out", type=Path, default=RESULTS / "flood_claims.md", help="the table (%(default)s)")
     options = parser.parse_args()
     rows = []
     for case in CASES:
@@ -218,8 +211,7 @@ def main() -> int:
             with tempfile.TemporaryDirectory(prefix="flood-") as folder:
                 rows.append((case, run(case, options.seconds, Path(folder))))
             print(table(rows[-1:]), flush=True)
-    if options.markdown:
-        options.markdown.write_text(table(rows))
+    write_page(options.out, table(rows))
     return int(any(faults(case, r) for case, r in rows))
 
 

@@ -23,30 +23,22 @@ from typing import Any
 
 from pymavlink import mavutil
 
-from mavlink.protocol.encoder import MavlinkEncoder
+from bench.receiving.senders import fleet_frames
 from mavlink.tlog.log import Tlog
 from mavlink.tlog.summary import info
 
 _GLOBAL_POSITION_INT = 33
 _SEEKS = 200
+VEHICLES, READINGS = 8, 3
+"""Senders in the log; readings by ours, each in a fresh process, of which the fastest counts."""
 
 
 def make_log(path: Path, messages: int) -> None:
-    rng = random.Random(1)
-    speakers = [MavlinkEncoder(system_id) for system_id in range(1, 9)]
+    frames = [fleet_frames(system_id) for system_id in range(1, VEHICLES + 1)]
     t_us = 1_790_000_000_000_000
     with path.open("wb") as file:
         for i in range(messages):
-            speaker, boot_ms = speakers[i % 8], i // 2
-            t_us += 500
-            if i % 5 < 2:
-                frame = speaker.attitude(boot_ms, rng.random(), rng.random(), rng.random(), (0.1, 0.2, 0.3))
-            elif i % 5 < 4:
-                place = (rng.uniform(-80, 80), rng.uniform(-170, 170), 583.0, 40.0)
-                frame = speaker.global_position_int(boot_ms, *place, (1.0, -1.0, 0.05), rng.uniform(0, 6.28))
-            else:
-                frame = speaker.heartbeat()
-            file.write(struct.pack(">Q", t_us) + frame)
+            file.write(struct.pack(">Q", t_us + 500 * i) + frames[i % VEHICLES][i // VEHICLES % len(frames[0])])
 
 
 def read_with_pymavlink(path: Path) -> tuple[int, int]:
@@ -86,10 +78,10 @@ def measure_ours(path: Path) -> dict[str, float]:
     }
 
 
-def best_of_ours(path: Path, repeat: int) -> dict[str, float]:
+def best_of_ours(path: Path) -> dict[str, float]:
     """The least of everything over some fresh processes; of memory and the worst seek the greatest."""
     runs = []
-    for _ in range(repeat):
+    for _ in range(READINGS):
         command = [sys.executable, "-m", "bench.receiving.tlog_speed", "--read", str(path)]
         runs.append(json.loads(subprocess.run(command, check=True, capture_output=True, text=True).stdout))
     best = {key: min(run[key] for run in runs) for key in runs[0]}
@@ -99,9 +91,6 @@ def best_of_ours(path: Path, repeat: int) -> dict[str, float]:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--messages", type=int, default=1_000_000)
-    parser.add_argument(
-        "--repeat", type=int, default=3, help="readings by ours, each in a fresh process; the fastest counts"
-    )
     parser.add_argument("--read", type=Path, help=argparse.SUPPRESS)
     options = parser.parse_args()
     if options.read:
@@ -110,7 +99,7 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "speed.tlog"
         make_log(path, options.messages)
-        ours = best_of_ours(path, options.repeat)
+        ours = best_of_ours(path)
         start_s = time.process_time()
         theirs = read_with_pymavlink(path)
         theirs_s = time.process_time() - start_s

@@ -11,7 +11,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from bench.screens.flights import Moment, Received
+from bench.flights import Moment, Received
 from bench.screens.screen import Screen, contrast
 from bench.screens.station import shots
 from gcs.snapshot import Snapshot

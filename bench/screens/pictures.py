@@ -3,7 +3,7 @@
     python -m bench.screens.pictures pictures
     python -m bench.screens.pictures pictures --moments quiet "40 vehicles" --sizes 80x24 --depths standard
 
-The flights are ``bench.screens.flights``' own, filmed by the simulator; each is shown a while after its trouble began.
+The flights are ``bench.flights``' own, filmed by the simulator; each is shown a while after its trouble began.
 """
 
 from __future__ import annotations
@@ -13,17 +13,18 @@ import asyncio
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
+from itertools import product
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 from PIL import Image
 from rich.color import Color
 from textual.app import App
 
 import gcs.tui
-from bench.screens.__main__ import size_of
-from bench.screens.flights import Moment, Script, fly
-from bench.screens.gif import INK, PAPER, draw, fonts_of
+from bench.flights import FlightScript, Moment, Span, polls_of
+from bench.screens.__main__ import script_of, size_of
+from bench.screens.cast import INK, PAPER, draw, fonts_of
 from bench.screens.screen import BACKGROUND, BLANK, FOREGROUND, Cell
 from bench.screens.station import ScriptedStation
 from gcs.station import Station
@@ -42,22 +43,21 @@ ANALYSED: Final = 0.4
 class PictureScene:
     """A moment, and the keys that show what matters in it."""
 
-    script: Script
+    script: FlightScript
     keys: tuple[str, ...] = ("down", "down")
     replayed: bool = False
     """True for a replay of the flight at a place that is not analysed."""
 
 
-def _script(name: str, **parts: object) -> Script:
-    return Script(name=name, seconds=14.0, fps=10.0, filmed=True, **parts)  # type: ignore[arg-type]
+def _script(name: str, no_video: tuple[Span, ...] = (), **parts: Any) -> FlightScript:  # noqa: ANN401
+    return script_of(name, seconds=14.0, fps=10.0, injected={"rendered": True, "no_video": no_video}, **parts)
 
 
+LIES: Final = ScenarioFault(vehicle=1, kind="jump", start_s=9.0, stop_s=99.0, size=40.0)
 SCENES: Final = {
     "quiet": PictureScene(script=_script("quiet")),
-    "lying": PictureScene(
-        script=_script("lying", faults=(ScenarioFault(vehicle=1, kind="jump", start_s=9.0, stop_s=99.0, size=40.0),))
-    ),
-    "no video": PictureScene(script=_script("no video", no_frames=((8.0, 99.0),))),
+    "lying": PictureScene(script=_script("lying", faults=(LIES,))),
+    "no video": PictureScene(script=_script("no video", no_video=((8.0, 99.0),))),
     "40 vehicles": PictureScene(script=_script("40 vehicles", vehicles=40, ground="open", silent={20: (6.0, 99.0)})),
     "not analysed": PictureScene(script=_script("not analysed"), keys=(), replayed=True),
 }
@@ -128,13 +128,11 @@ async def picture_of(
 async def write(scenes: Iterable[str], options: argparse.Namespace) -> None:
     """Fly each scene once, and draw its last moment in all ways."""
     for name in scenes:
-        *_, moment = fly(SCENES[name].script)
-        for columns, rows in options.sizes:
-            for theme in options.themes:
-                for depth in options.depths:
-                    image = await picture_of(SCENES[name], moment, (columns, rows), theme, depth)
-                    words = (name.replace(" ", "-"), f"{columns}x{rows}", theme, depth)
-                    image.save(options.out / f"{'_'.join(words)}.png")
+        moment = polls_of(SCENES[name].script)[-1]
+        for (columns, rows), theme, depth in product(options.sizes, options.themes, options.depths):
+            image = await picture_of(SCENES[name], moment, (columns, rows), theme, depth)
+            words = (name.replace(" ", "-"), f"{columns}x{rows}", theme, depth)
+            image.save(options.out / f"{'_'.join(words)}.png")
         print(name, flush=True)
 
 

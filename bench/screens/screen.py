@@ -33,20 +33,12 @@ class Screen:
     panes: Mapping[str, Rect]
     """Those on the screen, by name."""
 
-    @property
-    def width(self) -> int:
-        """Columns."""
-        return len(self.rows[0])
-
     def pane_rows(self, pane: str) -> list[str]:
         """The text of a pane, heading first; empty where it is not on the screen."""
         if pane not in self.panes:
             return []
         left, top, width, height = self.panes[pane]
         return [row[left : left + width].replace("\0", "") for row in self.rows[top : top + height]]
-
-    def __str__(self) -> str:
-        return "\n".join(row.replace("\0", "").rstrip() for row in self.rows)
 
 
 def read_screen(app: App[None]) -> Screen:

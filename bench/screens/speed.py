@@ -11,7 +11,6 @@ draws, and of the whole program, which also decodes.
 from __future__ import annotations
 
 import argparse
-import contextlib
 import os
 import random
 import re
@@ -19,26 +18,23 @@ import shutil
 import subprocess
 import tempfile
 import time
-from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
 
-from bench.command_line import RESULTS
-from bench.screens.station import TerminalSession
+from bench.command_line import RESULTS, write_page
+from bench.screens.station import DOWN, RECORDING, SETTLE_S, TerminalSession, replaying
 from infra.markdown import markdown_table
+from tests.support.command_line import GCS
 from tests.support.ports import free_port
 
-RECORDING = Path("sitl_logs/curved-road")
 WIDE, DENSE = (120, 40), (160, 45)
 KEY_S, CPU_S = 0.4, 15.0
 """Between two keys, about; for how long the processor is watched."""
-SETTLE_S = 2.0
 FASTER_FPS, FASTER_S = 15, 20.0
 PICKED = re.compile(r"▸(\S+)")
-DOWN, UP, SPACE, HOME = b"\x1b[B", b"\x1b[A", b" ", b"\x1b[H"
-PLAYING = "►"
+UP = b"\x1b[A"
 
 
 @dataclass(slots=True)
@@ -78,82 +74,52 @@ def measure_cpu(session: TerminalSession, case: str, figures: Figures, seconds: 
     figures.whole.setdefault(case, []).append((after[1] - before[1]) / lasted_s)
 
 
-def measure_replay(gcs: Path, recording: Path, keys: int, figures: Figures) -> None:
+def measure_replay(recording: Path, keys: int, figures: Figures) -> None:
     """A recording of 10 frames a second, paused and playing."""
-    with _replay(gcs, recording, WIDE) as session:
+    with replaying(recording, WIDE) as session:
         shown_s = session.wait_until(lambda text: "▀" in text)
         figures.first_s.append(shown_s - session.started_s)
-        _wait_analysed(session)
-        _from_start(session, playing=False)
+        session.wait_analysed()
+        session.go_to_start(playing=False)
         measure_keys(session, keys, "paused", figures)
         measure_cpu(session, "idle", figures)
-        _from_start(session, playing=True)
+        session.go_to_start(playing=True)
         measure_cpu(session, "replay, 10 frames/s, 120×40", figures)
-        _from_start(session, playing=True)
+        session.go_to_start(playing=True)
         measure_keys(session, keys, "playing", figures)
 
 
-def measure_faster(gcs: Path, recording: Path, figures: Figures) -> None:
+def measure_faster(recording: Path, figures: Figures) -> None:
     """A recording of 15 frames a second on a larger screen."""
-    with _replay(gcs, recording, DENSE) as session:
+    with replaying(recording, DENSE) as session:
         session.wait_until(lambda text: "▀" in text)
-        _wait_analysed(session)
-        _from_start(session, playing=True)
+        session.wait_analysed()
+        session.go_to_start(playing=True)
         measure_cpu(session, f"replay, {FASTER_FPS} frames/s, 160×45", figures, FASTER_S - 2 * SETTLE_S)
 
 
-def measure_flight(gcs: Path, keys: int, figures: Figures) -> None:
+def measure_flight(keys: int, figures: Figures) -> None:
     """A simulated flight with its video of 1920 × 1080."""
     links, video = free_port(), free_port()
     with tempfile.TemporaryDirectory() as folder:
         mission = shutil.copy(RECORDING / "session.toml", folder)
         stream = f"udp://127.0.0.1:{video}"
-        flight = [gcs, "fly", mission, "-l", str(links), "-v", stream, "--sessions", f"{folder}/sessions"]
-        simulator = [gcs, "sim", "run", "curved-road", "--live", "--telemetry", f"udpout:127.0.0.1:{links}"]
+        flight = [*GCS, "fly", mission, "-l", str(links), "-v", stream, "--sessions", f"{folder}/sessions"]
+        simulator = [*GCS, "sim", "run", "curved-road", "--live", "--telemetry", f"udpout:127.0.0.1:{links}"]
         with TerminalSession([*map(str, flight), "--ui", "graphics=blocks"], WIDE) as session:
             session.wait_until(lambda text: "ROLLCALL" in text)
-            with _running([*map(str, simulator), "--stream", stream, "--truth", f"{folder}/truth.csv"]):
+            with TerminalSession([*simulator, "--stream", stream, "--truth", f"{folder}/truth.csv"], WIDE):
                 session.wait_until(lambda text: "▀" in text)
                 time.sleep(SETTLE_S)
                 measure_cpu(session, "live, 10 frames/s of 1080p, 120×40", figures, CPU_S / 2)
                 measure_keys(session, min(keys, 40), "beside a 1080p flight", figures)
 
 
-@contextlib.contextmanager
-def _replay(gcs: Path, recording: Path, size: tuple[int, int]) -> Iterator[TerminalSession]:
-    with tempfile.TemporaryDirectory() as folder:
-        copy = shutil.copytree(recording, Path(folder) / "recording")
-        with TerminalSession([str(gcs), "replay", str(copy), "--ui", "graphics=blocks"], size) as session:
-            yield session
-
-
-@contextlib.contextmanager
-def _running(command: list[str]) -> Iterator[None]:
-    process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
-    try:
-        yield
-    finally:
-        process.terminate()
-        process.wait(timeout=20)
-
-
-def _wait_analysed(session: TerminalSession) -> None:
-    session.wait_until(lambda text: "REPLAY" in text and "analysed" not in text.partition("\n")[0], limit_s=120.0)
-
-
-def _from_start(session: TerminalSession, *, playing: bool) -> None:
-    session.press(HOME)
-    time.sleep(SETTLE_S)
-    if (PLAYING in session.catch_up()) != playing:
-        session.press(SPACE)
-        time.sleep(SETTLE_S)
-
-
-def simulate(gcs: Path, folder: Path) -> Path:
+def simulate(folder: Path) -> Path:
     """A recording with more frames a second, as every checkout can replay it."""
     scenario = folder / "faster.toml"
     scenario.write_text(f'name = "faster"\nfps = {FASTER_FPS}.0\nduration_s = {FASTER_S}\n')
-    subprocess.run([gcs, "sim", "run", scenario, "--video", "-o", folder / "faster"], check=True, capture_output=True)
+    subprocess.run([*GCS, "sim", "run", scenario, "--video", "-o", folder / "faster"], check=True, capture_output=True)
     return folder / "faster"
 
 
@@ -178,21 +144,17 @@ def main() -> None:
     parser.add_argument("--turns", type=int, default=2, help="times that everything is measured (%(default)s)")
     parser.add_argument("--write", type=Path, default=RESULTS / "screens_speed.md")
     options = parser.parse_args()
-    gcs, figures = Path(".venv/bin/gcs").absolute(), Figures()
+    figures = Figures()
     with tempfile.TemporaryDirectory() as folder:
-        faster = simulate(gcs, Path(folder))
+        faster = simulate(Path(folder))
         for turn in range(options.turns):
-            measure_replay(gcs, RECORDING, options.keys, figures)
-            measure_faster(gcs, faster, figures)
-            measure_flight(gcs, options.keys, figures)
+            measure_replay(RECORDING, options.keys, figures)
+            measure_faster(faster, figures)
+            measure_flight(options.keys, figures)
             print(f"turn {turn + 1}\n{table(figures)}\n", flush=True)
     load = f"Load average at the end {os.getloadavg()[0]:.1f} on {os.cpu_count()} cores."
-    text = (
-        f"# How soon keys show, and what the screens cost\n\n{(__doc__ or '').strip()}\n\n{load}\n\n{table(figures)}\n"
-    )
-    options.write.parent.mkdir(parents=True, exist_ok=True)
-    options.write.write_text(text)
-    print(text)
+    parts = ("# How soon keys show, and what the screens cost", (__doc__ or "").strip(), load, table(figures))
+    write_page(options.write, "\n\n".join(parts) + "\n")
 
 
 if __name__ == "__main__":

@@ -5,19 +5,23 @@ from __future__ import annotations
 import contextlib
 import itertools
 import math
+import shutil
 import subprocess
+import tempfile
 import time
-from collections.abc import AsyncIterator, Callable, Iterable, Sequence
+from collections.abc import AsyncIterator, Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from types import TracebackType
 from typing import Self
 
 import psutil
 
-from bench.screens.flights import Moment
+from bench.flights import Moment
 from bench.screens.screen import Screen, TerminalScreen, read_screen
 from gcs.snapshot import Event, Snapshot
 from gcs.tui import RollcallApp
+from tests.support.command_line import GCS
 from tests.support.fake_station import FakeStation
 from tests.support.slow_terminal import SlowTerminal
 
@@ -53,18 +57,21 @@ class Shot:
     moment: Moment
 
 
-async def shots(moments: Sequence[Moment], size: tuple[int, int]) -> AsyncIterator[Shot]:
+async def shots(
+    moments: Sequence[Moment], size: tuple[int, int], views: Sequence[Sequence[str]] = VIEWS
+) -> AsyncIterator[Shot]:
     """The screens of a flight, one a moment, over all views.
 
     Args:
         moments: of one flight, in order.
         size: columns and rows.
+        views: keys, each pressed at the beginning of an equal part of the flight.
     """
     station = ScriptedStation(moments[0])
     app = RollcallApp(station, graphics="blocks")
     app.silent_after_s = math.inf  # a script waits for the machine that looks at it
     async with app.run_test(size=size) as pilot:
-        for part, view in zip(_parts(moments, len(VIEWS)), VIEWS, strict=True):
+        for part, view in zip(_parts(moments, len(views)), views, strict=True):
             await pilot.press(*view)
             for station.moment in part:
                 app._poll()
@@ -79,8 +86,12 @@ def _parts(moments: Sequence[Moment], count: int) -> Iterable[Sequence[Moment]]:
     return [moments[low:high] for low, high in itertools.pairwise(bounds)]
 
 
-LONGEST_S = 60.0
-"""Nothing that is waited for takes longer."""
+LONGEST_S, ANALYSED_S = 60.0, 300.0
+"""Nothing that is waited for takes longer, nor does the analysis of a recording."""
+SETTLE_S = 2.0
+RECORDING = Path("sitl_logs/curved-road")
+HOME, DOWN, SPACE = b"\x1b[H", b"\x1b[B", b" "
+PLAYING = "►"
 
 
 class TerminalSession(SlowTerminal):
@@ -128,6 +139,18 @@ class TerminalSession(SlowTerminal):
             self._feed_next()
         return self.terminal.text
 
+    def wait_analysed(self) -> None:
+        """Wait until a replay is analysed, which its first row tells."""
+        self.wait_until(lambda text: "REPLAY" in text and "analysed" not in text.partition("\n")[0], ANALYSED_S)
+
+    def go_to_start(self, *, playing: bool) -> None:
+        """Go to a replay's first frame, and play or pause."""
+        self.press(HOME)
+        time.sleep(SETTLE_S)
+        if (PLAYING in self.catch_up()) != playing:
+            self.press(SPACE)
+            time.sleep(SETTLE_S)
+
     def cpu_s(self) -> tuple[float, float]:
         """Processor time so far: of the main thread, which draws, and of the process."""
         process = psutil.Process(self.process.pid)
@@ -146,3 +169,12 @@ class TerminalSession(SlowTerminal):
         if took:
             self.came.append((time.monotonic(), len(self.shown)))
         return took
+
+
+@contextlib.contextmanager
+def replaying(recording: Path, size: tuple[int, int]) -> Iterator[TerminalSession]:
+    """A replay of a copy of a recording."""
+    with tempfile.TemporaryDirectory() as folder:
+        copy = shutil.copytree(recording, Path(folder) / recording.name)
+        with TerminalSession([*GCS, "replay", str(copy), "--ui", "graphics=blocks"], size) as session:
+            yield session

@@ -20,9 +20,9 @@ from pathlib import Path
 
 import numpy as np
 
-from bench.command_line import RESULTS
+from bench.command_line import RESULTS, write_page
+from bench.flights import FlightScript, OperatorAct, fly_script
 from bench.statements.checker import PLACES, check_cameras
-from bench.statements.flights import FlightScript, OperatorAct, fly_script
 from infra.markdown import markdown_table
 from sim.world.scenario import Occlusion, ScenarioFault, ScenarioFlight, ScenarioView
 from tests.support.scripted import InjectedFaults
@@ -189,10 +189,8 @@ def main() -> None:
         print(" | ".join(cells), flush=True)
     rows.append(["all", *(f"**{sums[place]}**" for place in options.places)])
     table = markdown_table(("false statements", *options.places), rows)
-    text = "\n\n".join((table, f"{sums['']:,} statements in all.", "\n".join(examples)))
-    print(f"\n{text}")
-    options.out.parent.mkdir(parents=True, exist_ok=True)
-    options.out.write_text(f"# What is said, held against what is so\n\n{(__doc__ or '').strip()}\n\n{text}\n")
+    parts = ("# What is said, held against what is so", (__doc__ or "").strip(), table)
+    write_page(options.out, "\n\n".join((*parts, f"{sums['']:,} statements in all.", "\n".join(examples))) + "\n")
 
 
 if __name__ == "__main__":

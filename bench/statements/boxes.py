@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
 
-from bench.statements.flights import TrueFlight
+from bench.flights import TrueFlight
 from gcs.certainty import CONFIRMED
 
 S = 1_000_000

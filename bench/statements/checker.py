@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from types import MappingProxyType, SimpleNamespace
 
-from bench.screens.flights import Moment
+from bench.flights import Moment, TrueFlight
 from bench.statements.boxes import (
     Claim,
     check_agreement,
@@ -23,11 +23,9 @@ from bench.statements.boxes import (
     read_geojson,
     read_identity,
 )
-from bench.statements.flights import TrueFlight
-from bench.statements.pages import check_batch, check_report, check_rollcall, printed_remarks
+from bench.statements.pages import check_batch, check_report, check_rollcall, overall, printed_remarks
 from bench.statements.screens import check_screens
 from bench.statements.sentences import ADRIFT_S, HOLD_S, LOST_S, SILENT_S, SLACK_S, Said, check_sentence
-from bench.station import FLY
 from gcs.batch.report.overview import batch_page, read_results
 from gcs.batch.stores import open_results
 from gcs.cli.results.report import report
@@ -42,6 +40,7 @@ from gcs.report.rollcall import RollCall
 from gcs.session.frame_tables import read_times
 from gcs.session.session import open_session
 from gcs.snapshot import OF_A_CAMERA, Snapshot, VehicleRow
+from tests.support.command_line import GCS
 
 S = 1_000_000
 EDGE_PX = 60.0
@@ -295,10 +294,10 @@ def _again(flown: TrueFlight, folder: Path) -> Found:
     calls = _calls(flown)
     again = identify_session(open_session(flown.folder), folder / "again", hindsight=False)
     there, here = _counts(again), _counts(calls)
-    yield len(here), [(_over(flown, f"{what}: {there[what]}"), f"in flight {here[what]}") for what in here
+    yield len(here), [(overall(flown, "again", f"{what}: {there[what]}"), f"in flight {here[what]}") for what in here
                       if there[what] != here[what] and not _near(there[what], here[what])]  # fmt: skip
     page = re.sub("</?strong>", "", _page(flown, folder))
-    yield 1, [(_over(flown, "report"), f"in flight {calls.reports}")] * (calls.reports not in page)
+    yield 1, [(overall(flown, "again", "report"), f"in flight {calls.reports}")] * (calls.reports not in page)
 
 
 def _counts(calls: RollCall) -> dict[str, object]:
@@ -311,10 +310,6 @@ def _near(one: object, other: object) -> bool:
     """Two folds look at a silence at moments a fifth of a second apart; two NaN are the same."""
     numbers = isinstance(one, float) and isinstance(other, float)
     return numbers and (abs(float(one) - float(other)) < AGAIN_S or (one != one and other != other))  # type: ignore[arg-type]
-
-
-def _over(flown: TrueFlight, text: str) -> Said:
-    return Said(where="again", t_us=flown.moments[-1].now_us, text=text)
 
 
 def _rollcall(flown: TrueFlight, folder: Path) -> Found:
@@ -350,7 +345,7 @@ def _report(flown: TrueFlight, folder: Path) -> Found:
 
 def _batch(flown: TrueFlight, folder: Path) -> Found:
     subprocess.run(
-        [*FLY, "batch", "run", str(flown.folder), "-o", str(folder / "batch")], check=True, capture_output=True
+        [*GCS, "batch", "run", str(flown.folder), "-o", str(folder / "batch")], check=True, capture_output=True
     )
     page = batch_page(read_results(open_results(str(folder / "batch"))), "batch")
     yield page.count("<td"), list(check_batch(flown, page, _own(flown)))

@@ -12,8 +12,8 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from itertools import pairwise
 from typing import Any
 
+from bench.flights import TrueFlight
 from bench.statements.boxes import Claim
-from bench.statements.flights import TrueFlight
 from bench.statements.sentences import Said, check_sentence
 
 Row = Mapping[str, Any]
@@ -67,20 +67,23 @@ def check_rollcall(
     true = {"frames": len(flown.frames), "boxes": len(claims), "unnamed": named[0]}
     for what, count in told.items():
         if count != true[what]:
-            yield _said(flown, where, f"{count} {what}"), f"{true[what]} {what}"
+            yield overall(flown, where, f"{count} {what}"), f"{true[what]} {what}"
     faulty = {flown.scenario.ugv_ids[fault.vehicle] for fault in flown.script.faults} | flown.refused.keys()
     for row in rows:
         i, boxes = int(row["id"]), int(row["boxes"] or 0)
         name, seen = flown.name(i), sum(frame.outside_px(i) < 0 for frame in flown.frames.values())
         if boxes != named[i]:
-            yield _said(flown, where, f"{name}: {boxes} boxes", i), f"{named[i]} boxes have its name"
+            yield overall(flown, where, f"{name}: {boxes} boxes", i), f"{named[i]} boxes have its name"
         off = abs(row.get("in view", seen) - seen) - row.get("unknown", 0)
         if i not in faulty and off > IN_VIEW_FRAMES + IN_VIEW_SHARE * seen:
-            yield _said(flown, where, f"{name}: in view in {row['in view']} frames", i), f"it was in {seen}"
+            yield overall(flown, where, f"{name}: in view in {row['in view']} frames", i), f"it was in {seen}"
         if i not in faulty and row.get("unknown", 0) > _blind_frames(flown, i) + IN_VIEW_FRAMES:
-            yield _said(flown, where, f"{name}: not known in {row['unknown']} frames", i), "it and the UAV reported"
+            yield (
+                overall(flown, where, f"{name}: not known in {row['unknown']} frames", i),
+                "it and the UAV reported",
+            )
         for why in _remark(flown, i, row["remark"], boxes, seen):
-            yield _said(flown, where, f"{name}: {row['remark']}", i), why
+            yield overall(flown, where, f"{name}: {row['remark']}", i), why
 
 
 def _blind_frames(flown: TrueFlight, system_id: int) -> int:
@@ -107,7 +110,8 @@ def _remark(flown: TrueFlight, system_id: int, remark: str, boxes: int, seen: in
         yield f"it was in view in {seen} frames"
 
 
-def _said(flown: TrueFlight, where: str, text: str, system_id: int = 0) -> Said:
+def overall(flown: TrueFlight, where: str, text: str, system_id: int = 0) -> Said:
+    """Something that is said of a whole flight."""
     return Said(where=where, t_us=flown.moments[-1].now_us, text=text, system_id=system_id)
 
 
@@ -115,7 +119,7 @@ def check_report(flown: TrueFlight, page: str, claims: Sequence[Claim]) -> Found
     """The page of ``gcs report``: roll call, alarms, warnings, marks, and what is known of each vehicle."""
     tables, lead = _tables(page), re.search(r"(\d+) of (\d+) boxes in (\d+) frames have a name", page)
     if lead is None:
-        yield _said(flown, "report", page.partition("<p>")[2][:200]), "a lead that is not known"
+        yield overall(flown, "report", page.partition("<p>")[2][:200]), "a lead that is not known"
         return
     named, boxes, frames = map(int, lead.groups())
     told = {"frames": frames, "boxes": boxes, "unnamed": boxes - named}
@@ -135,7 +139,7 @@ def check_report(flown: TrueFlight, page: str, claims: Sequence[Claim]) -> Found
     for i in flown.scenario.ugv_ids:
         facts = {row["what"]: row["found"] for row in tables.get(f"What is known of {flown.name(i)}", ())}
         for what, why in _facts(flown, i, facts):
-            yield _said(flown, "report", f"{flown.name(i)}: {what}: {facts.get(what)}", i), why
+            yield overall(flown, "report", f"{flown.name(i)}: {what}: {facts.get(what)}", i), why
 
 
 def _has_fault(flown: TrueFlight, system_id: int, *kinds: str) -> bool:

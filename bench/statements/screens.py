@@ -2,18 +2,15 @@
 
 from __future__ import annotations
 
-import math
 import re
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
+from bench.flights import Moment, TrueFlight
 from bench.screens.checker import Checker
-from bench.screens.flights import Moment
-from bench.screens.screen import Screen, read_screen
-from bench.screens.station import ScriptedStation
-from bench.statements.flights import TrueFlight
+from bench.screens.screen import Screen
+from bench.screens.station import shots
 from bench.statements.sentences import SLACK_S, Said, check_sentence, match_sentence
-from gcs.tui import RollcallApp
 
 SIZE = (160, 48)
 AGE = r"(?: for [\d.]+[smh])?"
@@ -50,19 +47,11 @@ SUM_PERCENT = 103
 
 async def check_screens(flown: TrueFlight, moments: Sequence[Moment]) -> list[tuple[int, list[tuple[Said, str]]]]:
     """Letters and false statements of a screen a moment; one after the other of vehicles and boxes is picked."""
-    station, checker, found = ScriptedStation(moments[0]), Checker(), []
-    app = RollcallApp(station, graphics="blocks")
-    app.silent_after_s = math.inf  # a script waits for the machine that looks at it
-    async with app.run_test(size=SIZE) as pilot:
-        for station.moment in moments:
-            app._poll()
-            await pilot.press("down")
-            await pilot.pause()
-            await pilot.pause()
-            screen = read_screen(app)
-            told = [(_said(station.moment, each.what), each.rule) for each in checker.check(screen, station.moment)]
-            told += _identity(flown, station.moment, screen)
-            found.append((sum(bool(row.strip()) for row in screen.rows), told))
+    checker, found = Checker(), []
+    async for shot in shots(moments, SIZE, [("down",)] * len(moments)):
+        told = [(_said(shot.moment, each.what), each.rule) for each in checker.check(shot.screen, shot.moment)]
+        told += _identity(flown, shot.moment, shot.screen)
+        found.append((sum(bool(row.strip()) for row in shot.screen.rows), told))
     return found
 
 

@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
-from bench.statements.flights import TrueFlight
+from bench.flights import TrueFlight
 from gcs.certainty import CONFIRMED
 from sim.world.scenario import UAV_ID
 
@@ -55,6 +55,7 @@ FIELDS = {
     "percent": r"\d{1,2}",
     "within": r"\d+ (?:s|min)",
     "kind": r"[\w ]+",
+    "link": r"[\w.:/]+",
     "mode": r"[\w ]+",
     "text": r".+",
 }
@@ -153,6 +154,13 @@ def _silent(flown: TrueFlight, said: Said, fields: Fields, who: int) -> str:
     silences = [flown.silent_s(who, t_us, "heartbeat") for t_us in looks if flown.silent_s(who, t_us) > 1.0]
     lately = any(SILENT_S < silent_s < math.inf for silent_s in silences)
     return "" if lately else f"it was heard {flown.silent_s(who, said.t_us):.1f} s before"
+
+
+def _link_silent(flown: TrueFlight, said: Said, fields: Fields, who: int) -> str:
+    looks = [said.t_us - k * S // 2 for k in range(2 * round(HOLD_S) + 1 if said.standing else 1)]
+    senders = flown.heartbeats.keys() | flown.positions.keys()
+    silences = [min(flown.silent_s(i, t_us) for i in senders) for t_us in looks]
+    return "" if max(silences) > SILENT_S else f"somebody was heard {silences[0]:.1f} s before"
 
 
 def _lies(flown: TrueFlight, said: Said, fields: Fields, who: int) -> str:
@@ -303,6 +311,7 @@ SENTENCES: Mapping[str, Check] = {
     "{name}: packets with a wrong signature are rejected": _forged,
     "system {id}: {count} packets refused, bad signature ({text})": _forged,
     "it is not known yet whether video and telemetry match: nothing is named": _unnamed,
+    "{link}: nothing is received any more": _link_silent,
     "no video comes": _so,
     "the video has stopped": _stopped,
     "the video comes and goes: {count} times in {within}": _comes_and_goes,

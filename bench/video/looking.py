@@ -5,10 +5,9 @@
 
 from __future__ import annotations
 
-import csv
 import time
 
-from bench.command_line import parser_of
+from bench.command_line import parser_of, write_table
 from gcs.health.detector_speed import ground_sampling, seconds_a_frame
 from infra.markdown import markdown_table
 from vision.detect.detector import open_detector
@@ -31,9 +30,7 @@ def main() -> None:
             flight_s = seconds_a_frame(detector, gsd_m, size, clock=time.process_time)
             turns = in_turns(detector, size, gsd_m)
             rows.append((size[0], height_m, round(whole_s * 1e3, 1), round(flight_s * 1e3, 1), int(turns)))
-    args.out.mkdir(parents=True, exist_ok=True)
-    with (args.out / "looking.csv").open("w", newline="", encoding="utf-8") as file:
-        csv.writer(file).writerows([HEADING, *rows])
+    write_table(args.out / "looking.csv", HEADING, rows)
     cells = [
         (str(width), f"{height_m:g}", f"{whole:g}", f"{flight:g}{' in turns' * turns}", f"{flight / whole:.2f}")
         for width, height_m, whole, flight, turns in rows

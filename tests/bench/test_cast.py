@@ -5,8 +5,7 @@ from pathlib import Path
 
 from PIL import Image
 
-from bench.screens.cast import changes
-from bench.screens.gif import CELL, draw
+from bench.screens.cast import CELL, changes, draw
 from bench.screens.screen import Cell, TerminalScreen
 
 CAST = Path(__file__).parents[2] / "docs" / "rollcall.cast"

@@ -6,10 +6,9 @@ import numpy as np
 import pytest
 
 from bench.field.families import FAMILIES, UNRELATED, film_of, has_pixels, label_of, scenario_of, seeds_of
-from bench.field.measure import EDGES, BoxCounts, delays, tally
+from bench.field.measure import EDGES, BoxCounts, Outcome, delays, ece_of, percentile, summarise, tally
 from bench.field.product import identify
 from bench.field.suite import Task, play, tasks_of, write_motion
-from bench.field.summary import Outcome, ece_of, percentile, summarise
 from bench.field.tables import ALL, GOALS, Goal, judge, report, write_reliability, write_sessions
 from gcs.report.score import Matched, score
 from sim.session import write_session

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from bench.fuzz.__main__ import logs_text, write_section
+from bench.fuzz.__main__ import logs_text
 from bench.fuzz.frames import frame_pool
 from bench.fuzz.logs import DAMAGES, MarkedTruth, compare, draw_case, fuzz_logs, marked_log, run_case
 from mavlink.tlog.check import check
@@ -115,10 +115,7 @@ def test_hostile_logs_do_not_take_long_loops():
 
 
 @pytest.mark.slow
-def test_a_section_of_the_results_replaces_itself(scores, tmp_path):
-    path = tmp_path / "fuzz.md"
-    for title, text in (("Logs", "old"), ("Streams", "kept"), ("Logs", logs_text(scores))):
-        write_section(path, title, text)
-    text = path.read_text()
-    assert text.count("## Logs") == 1 and "old" not in text and "kept" in text
+def test_the_page_tells_how_many_logs_there_were_of_each_kind(scores):
+    text = logs_text(scores)
     assert f"{LOGS} logs" in text
+    assert f"| all | {LOGS} |" in text and all(f"| {kind} |" in text for kind in scores)

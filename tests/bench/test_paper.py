@@ -7,15 +7,13 @@ from math import isnan
 import numpy as np
 import pytest
 
+from bench.command_line import write_rows
 from bench.latency import PartTiming, crowd, text_of
 from bench.paper.experiments import CONTINUOUS, Condition, Count, conditions, evaluate
-from bench.paper.films import false_box_road, field, film, paper_road
-from bench.paper.methods import METHODS, ConditionNoise
+from bench.paper.films import false_box_road, field, film, paper_road, windows
+from bench.paper.methods import METHODS, ConditionNoise, MethodTime, times
 from bench.paper.occlusion import KEEPERS, ByteTrack, Kept, hidden_at_turns, walk
 from bench.paper.tables import PUBLISHED_MS, percent, pooled, published_at, write_tables
-from bench.paper.times import MethodTime, times
-from bench.paper.windows import windows
-from bench.rows import write
 from vision.detect.detections import Detections
 
 QUIET = ConditionNoise(position_m=0.0, topology=0.0)
@@ -182,7 +180,7 @@ def test_published_lines_end_where_the_text_has_them():
 
 
 def test_rows_are_written_with_their_names(tmp_path):
-    write(tmp_path / "rows.csv", Count, [count(), count(sigma_m=0.123456789, case="straight")])
+    write_rows(tmp_path / "rows.csv", Count, [count(), count(sigma_m=0.123456789, case="straight")])
     with (tmp_path / "rows.csv").open(newline="") as file:
         rows = list(csv.DictReader(file))
     assert list(rows[0]) == [each.name for each in fields(Count)]

@@ -2,7 +2,7 @@ import dataclasses
 
 import pytest
 
-from bench.recorded.__main__ import measure, sessions_in, text_of
+from bench.recorded import measure, sessions_in, text_of
 from sim.session import write_session
 from sim.world.presets import nominal
 from sim.world.scenario import ScenarioDetector, ScenarioFlight, Targets

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from bench.soak.__main__ import Run, mission, report
+from bench.soak import Run, mission, report
 from bench.station import cost_of, family
 from gcs.mission.mission import load_mission
 

@@ -8,10 +8,12 @@ exact time, and a minute of flight takes seconds.
 from __future__ import annotations
 
 import heapq
+import math
 import os
-from collections.abc import Callable, Iterator, Set
+from collections.abc import Callable, Iterator, Mapping, Set
 from dataclasses import dataclass, replace
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 from unittest.mock import patch
 
@@ -99,6 +101,9 @@ MISSION_CAMERA_SCALE = 3
 IMPOSTOR_M, IMPOSTOR_PEER = 120.0, 77
 """Distance of the forged positions, north of the scenario's origin, and the number of the address they come from."""
 
+TEXTS_HZ = 40.0
+"""Rate of the texts of a vehicle that sends them without end."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class InjectedFaults:
@@ -138,6 +143,14 @@ class InjectedFaults:
     """The detector raises an error."""
     rendered: bool = False
     """Frames show the scene, so that they tell how the camera moves; else they are black."""
+    restarted: frozenset[int] = frozenset()
+    """System ids of silent vehicles that are switched on again when they speak again: their clocks begin anew."""
+    texts: tuple[float, float] | None = None
+    """The last ground vehicle sends texts without end, some of which look like alarms of this station."""
+    arrives_s: tuple[float, float] = (0.05, 0.12)
+    """Least and greatest time from a frame's exposure until it is here."""
+    detector_s: tuple[float, float] = (0.02, 0.3)
+    """Least and greatest time that the detector takes for a frame."""
 
 
 class _ScriptedLink:
@@ -188,13 +201,15 @@ class ScriptedFlight:
         faults: InjectedFaults,
         on_snapshot: Callable[[Snapshot], None],
         view: int = 0,
+        names: Mapping[int, str] = MappingProxyType({}),
     ) -> None:
         self.scenario, self.faults, self.start_us = scenario, faults, scenario.start_us
-        self.packets = 0
+        self.packets = self.packet_us = 0
+        """How many were received, and the true time of the last."""
         self.t_us = self.start_us + round(TELEMETRY_FROM_S * S)
         """True time."""
         self.view = view
-        self.mission = _mission(scenario).views[view]
+        self.mission = _mission(scenario, names).views[view]
         keys = folder / "keys"
         if faults.signed:
             keys.mkdir(mode=0o700, parents=True)
@@ -222,6 +237,7 @@ class ScriptedFlight:
         """Receive one batch of a link."""
         self.t_us = max(self.t_us, datagrams[-1].t_us)
         self.packets += len(datagrams)
+        self.packet_us = datagrams[-1].t_us
         batch = Batch(
             times_us=[self.wall_us(each.t_us) for each in datagrams],
             frames=[each.raw for each in datagrams],
@@ -262,6 +278,7 @@ def fly(
     before_turn: Callable[[ScriptedFlight, Frame | None], None] = lambda flight, frame: None,
     *,
     view: int = 0,
+    names: Mapping[int, str] = MappingProxyType({}),
 ) -> Path:
     """Fly a scenario with injected faults; returns the session folder.
 
@@ -273,9 +290,10 @@ def fly(
         before_turn: called with the flight, and the frame that came, before each turn: what its monitor finds and its
             operator does.
         view: which of the scenario's cameras films, 0 the first.
+        names: of ground vehicles, by system id; ``UGV-<id>`` for the rest.
     """
     scenario = replace(scenario, camera=replace(CAMERA, mount=scenario.camera.mount))
-    flight = ScriptedFlight(folder, scenario, faults, on_snapshot, view)
+    flight = ScriptedFlight(folder, scenario, faults, on_snapshot, view, names)
     rng = np.random.default_rng(scenario.seed)
     worlds = _worlds(scenario, faults)
     datagrams = heapq.merge(*(_fleet_datagrams(world, start_s, stop_s, flight) for world, start_s, stop_s in worlds))
@@ -310,17 +328,18 @@ def fly(
         before_turn(flight, newest)
         flight.run_fold(newest)
         if newest is not None:
-            flight.t_us += int(rng.uniform(0.02, 0.3) * S)  # the detector's run time
+            flight.t_us += int(rng.uniform(*faults.detector_s) * S)  # the detector's run time
         if faults.fold_stalled and within(faults.fold_stalled, flight.t_us - flight.start_us):
             flight.t_us = flight.start_us + round(faults.fold_stalled[1] * S)
     return flight.close()
 
 
-def _mission(scenario: Scenario) -> Mission:
+def _mission(scenario: Scenario, names: Mapping[int, str]) -> Mission:
     camera = {
         name: getattr(CAMERA, name) * MISSION_CAMERA_SCALE for name in ("width", "height", "fx", "fy", "cx", "cy")
     }
-    table = {"uav": {"system_id": UAV_ID}, "ugv": [{"system_id": i} for i in scenario.ugv_ids]}
+    ugvs = [{"system_id": i, "name": names.get(i, "")} for i in scenario.ugv_ids]
+    table: dict[str, Any] = {"uav": {"system_id": UAV_ID}, "ugv": ugvs}
     table["camera"] = camera | {"mount": scenario.camera.mount}
     table["view"] = [{"system_id": i, "camera": table["camera"]} for i in _aircraft(scenario)[1:]]
     return parse_mission(table, "mission")
@@ -355,6 +374,8 @@ def _fleet_datagrams(world: World, start_s: float, stop_s: float, flight: Script
         streams.append(_link_datagrams(world, start_s, stop_s, flight, link=1, delay_us=delay_us))
     if faults.impostor or faults.signed:
         streams.append(_forged_datagrams(world, flight))
+    if faults.texts:
+        streams.append(_text_datagrams(world, flight, faults.texts))
     for datagram in heapq.merge(*streams):
         if not within(faults.no_telemetry, datagram.t_us - base_us):
             yield datagram
@@ -368,13 +389,16 @@ def _link_datagrams(
         i: ScriptedSigner(SECRET[::-1] if i in flight.faults.wrong_keys else SECRET) for i in world.scenario.ugv_ids
     }
     keyed |= {i: ScriptedSigner() for i in _aircraft(world.scenario)}
-    rebooted = RebootedEncoder() if start_s > 0 else None
+    rebooted = RebootedEncoder()
+    silences = [f for f in world.scenario.faults if world.scenario.ugv_ids[f.vehicle] in flight.faults.restarted]
+    on_s = {fault.vehicle: fault.stop_s for fault in silences}
     for number, packet in enumerate(fleet_telemetry(world, views=world.views)):
         if start_s * S <= packet.t_us - flight.start_us < stop_s * S:
-            raw = rebooted.with_boot_time_reset(packet.raw) if rebooted else packet.raw
+            again = start_s > 0 or packet.t_us - flight.start_us >= S * on_s.get(packet.vehicle, math.inf)
+            raw = rebooted.with_boot_time_reset(packet.raw) if again else packet.raw
             if flight.faults.signed:
                 raw = keyed[Packet(packet.t_us, raw).system_id].sign(raw, packet.t_us)
-            yield _Datagram(packet.t_us + delay_us, number, link, packet.vehicle + 2 + 100 * bool(rebooted), raw)
+            yield _Datagram(packet.t_us + delay_us, number, link, packet.vehicle + 2 + 100 * again, raw)
 
 
 def _forged_datagrams(world: World, flight: ScriptedFlight) -> Iterator[_Datagram]:
@@ -384,6 +408,16 @@ def _forged_datagrams(world: World, flight: ScriptedFlight) -> Iterator[_Datagra
     span = faults.impostor or (TELEMETRY_FROM_S, world.scenario.duration_s)
     for k, (t_us, raw) in enumerate(impostor_frames(world.scenario, span, encoder)):
         yield _Datagram(t_us, k, 0, IMPOSTOR_PEER, raw)
+
+
+def _text_datagrams(world: World, flight: ScriptedFlight, span: tuple[float, float]) -> Iterator[_Datagram]:
+    """Texts of every severity from the last ground vehicle; each tenth looks like an alarm about the first."""
+    ids = world.scenario.ugv_ids
+    encoder, victim = MavlinkEncoder(ids[-1]), flight.mission.name_of(ids[0])
+    for k in range(round((span[1] - span[0]) * TEXTS_HZ)):
+        t_us = world.scenario.start_us + round((span[0] + k / TEXTS_HZ) * S)
+        text, severity = (f"{victim}: no heartbeat", 2) if k % 10 == 0 else (f"EKF3 IMU{k % 3} text {k}", k % 8)
+        yield _Datagram(t_us, k, 0, len(ids) + 1, encoder.statustext(text, severity))
 
 
 def impostor_frames(
@@ -433,7 +467,12 @@ def _frames(
             boxes = Detections.empty() if within(faults.no_detections, since_us) else boxes_of(found.values, small)
             image = images[small] if film is None else cv2.resize(film.image(t, index), images[small].shape[1::-1])
             frame = Frame(index=index, t_us=last_us, image=np.asarray(image, np.uint8))
-            yield exposed_us + int(rng.uniform(0.05, 0.12) * S), frame, boxes, within(faults.detector_fails, since_us)
+            yield (
+                exposed_us + int(rng.uniform(*faults.arrives_s) * S),
+                frame,
+                boxes,
+                within(faults.detector_fails, since_us),
+            )
             index += 1
 
 

@@ -5,7 +5,7 @@ import re
 
 import pytest
 
-from bench.statements.flights import FlightScript, OperatorAct, fly_script
+from bench.flights import FlightScript, OperatorAct, fly_script
 from gcs.cli.rollcall import print_rollcall
 from gcs.playback.identification import identify_session
 from gcs.playback.replay import Replay

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from bench.screens.gif import CELL, colour, draw, fonts_of
+from bench.screens.cast import CELL, colour, draw, fonts_of
 from bench.screens.pictures import _ShownApp, cells_of
 from bench.screens.screen import BACKGROUND
 from gcs.tui.draw.xterm_palette import SIXTEEN

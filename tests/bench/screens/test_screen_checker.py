@@ -5,8 +5,9 @@ from dataclasses import replace
 
 import pytest
 
+from bench.flights import polls_of
+from bench.screens.__main__ import script_of
 from bench.screens.checker import Checker
-from bench.screens.flights import Script, fly
 from bench.screens.station import VIEWS, shots
 from gcs.snapshot import Alarm
 
@@ -24,7 +25,7 @@ def shot():
         async for each in shots(moments, SIZE):
             return each
 
-    moments = list(fly(Script(name="ordinary", seconds=4.0, vehicles=3, poll_us=250_000)))
+    moments = polls_of(script_of("ordinary", seconds=4.0, vehicles=3, poll_us=250_000))
     last = next(each for each in reversed(moments) if len(each.snapshot.boxes) == 3)
     return asyncio.run(first([last] * len(VIEWS)))
 
@@ -134,7 +135,7 @@ DAMAGE = {
     "alarm neither visible nor counted": [truth(snapshot=alarmed), in_row(0, " ROLLCALL 7 alarms")],
     "a text that looks like an alarm of this station": [in_row(1, " !! 10:20:04Z UGV-11: no heartbeat")],
     "none of several in green": [green_none],
-    "more certain than 99 %": [overwrite("fleet", "confirmed 99%", "confirmed100%")],
+    "more certain than 99 %": [overwrite("fleet", "confirmed 9", "confirmed100%")],
     "the worst is not in the status bar": [truth(snapshot=dark_disk)],
 }
 

@@ -5,42 +5,39 @@
 
 import pytest
 
-from bench.screens.__main__ import NAMES, SIZES
+from bench.flights import polls_of
+from bench.screens.__main__ import NAMES, SIZES, script_of
 from bench.screens.checker import check_screens
-from bench.screens.flights import Script, fly
 
 pytestmark = pytest.mark.slow
 
 LOOKS = 30
 """Screens of each size: five of every view."""
 FLIGHTS = (
-    Script(
-        name="few frames, holes, restarts, names with which others begin",
+    script_of(
+        "few frames, holes, restarts, names with which others begin",
         fps=2.0,
         latency_s=0.3,
         names=NAMES,
-        no_frames=((5.0, 6.2), (8.0, 12.0)),
         silent={11: (3.0, 9.0), 13: (4.0, 99.0)},
-        restarted=(11,),
         disk_fails=(6.0, 9.0),
+        injected={"no_video": ((5.0, 6.2), (8.0, 12.0)), "restarted": frozenset((11,))},
     ),
-    Script(
-        name="forty vehicles, a second sender, floods",
+    script_of(
+        "forty vehicles, a second sender, floods",
         fps=4.0,
         vehicles=40,
         ground="open",
-        no_frames=((9.0, 10.5),),
-        impostor=(4.0, 9.0),
-        texts=(5.0, 12.0),
         events=(5.0, 12.0),
         silent={20: (6.0, 99.0)},
+        injected={"no_video": ((9.0, 10.5),), "impostor": (4.0, 9.0), "texts": (5.0, 12.0)},
     ),
 )
 
 
 @pytest.fixture(scope="module", params=FLIGHTS, ids=[script.name for script in FLIGHTS])
 def moments(request):
-    found = list(fly(request.param))
+    found = polls_of(request.param)
     return found[:: max(1, len(found) // LOOKS)]
 
 

@@ -9,9 +9,9 @@ from dataclasses import replace
 
 import pytest
 
+from bench.flights import FlightScript, OperatorAct, fly_script
 from bench.statements.boxes import check_agreement, check_claims, check_flips, read_identity
 from bench.statements.checker import check_alarms, check_flight, check_missing_alarms, check_row
-from bench.statements.flights import FlightScript, OperatorAct, fly_script
 from bench.statements.pages import check_report, check_rollcall
 from bench.statements.sentences import Said, check_sentence, match_sentence
 from sim.world.scenario import ScenarioFault
@@ -78,6 +78,7 @@ FALSE = {
     "nothing is authenticated: anybody can pose as a vehicle": 1.0,
     "never heard: UGV-14": 16.0,
     "the video has stopped": 9.0,
+    "udpin:0.0.0.0:14550: nothing is received any more": 9.0,
     "the video comes and goes: 4 times in 8 s": 9.0,
     "UGV-12: it is heard on and off: 5 times in 9 s": 9.0,
     "UGV-12: its positions come and go: 5 times in 9 s": 9.0,

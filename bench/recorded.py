@@ -1,4 +1,9 @@
-"""Command line of the table of recorded sessions."""
+"""Recorded sessions with truth: what the product makes of each, as a table.
+
+python -m bench.recorded FOLDER [FOLDER ...] [--out bench-results/recorded]
+
+A folder is a session, or holds sessions; those without truth are passed over.
+"""
 
 from __future__ import annotations
 
@@ -11,13 +16,10 @@ from pathlib import Path
 
 import numpy as np
 
-from bench.command_line import RESULTS, count
-from bench.field.measure import tally
+from bench.command_line import RESULTS, count, one_threaded, write_page, write_rows
+from bench.field.measure import summarise, tally
 from bench.field.product import identify
-from bench.field.summary import summarise
 from bench.field.tables import number
-from bench.rows import write
-from bench.workers import one_threaded
 from gcs.cli.output.console import print_note
 from gcs.cli.output.progress import progress
 from infra.markdown import markdown_table
@@ -44,6 +46,9 @@ class SessionScore:
     ms: float
     """Processor time of a frame, on average; of all that is done for it."""
     p95_ms: float
+
+
+_SUMMARISED = ("precision", "right", "fper", "wrong_sure_s", "ece", "switches", "swaps")
 
 
 def sessions_in(folders: Iterable[Path]) -> list[Path]:
@@ -81,17 +86,11 @@ def score_session(session: Path) -> SessionScore:
         run = identify(session, Path(out) / "out")
     times_us = np.unique(run.matched.time_us[np.isfinite(run.matched.time_us)])
     counts = tally(run.matched, 1e6 / float(np.median(np.diff(times_us))))
-    s = summarise([counts])
+    summary = summarise([counts])
     return SessionScore(
         session=session.name,
         frames=counts.frames,
-        precision=s.precision,
-        right=s.right,
-        fper=s.fper,
-        wrong_sure_s=s.wrong_sure_s,
-        ece=s.ece,
-        switches=s.switches,
-        swaps=s.swaps,
+        **{name: getattr(summary, name) for name in _SUMMARISED},
         tracks=len(np.unique(run.matched.track[run.matched.track > 0])),
         mismatch_s=run.mismatch_s,
         ms=float(run.cpu_ms.mean()),
@@ -125,13 +124,10 @@ def main() -> None:
     parser.add_argument("--workers", type=count, default=1)
     parser.add_argument("--out", type=Path, default=RESULTS / "recorded", help="folder of the results (%(default)s)")
     options = parser.parse_args()
-    options.out.mkdir(parents=True, exist_ok=True)
     with progress("recorded") as report:
         rows = measure(sessions_in(options.folders), options.workers, report)
-    text = text_of(rows)
-    write(options.out / "recorded.csv", SessionScore, rows)
-    (options.out / "recorded.md").write_text(text, encoding="utf-8")
-    print(text)
+    write_rows(options.out / "recorded.csv", SessionScore, rows)
+    write_page(options.out / "recorded.md", text_of(rows))
     print_note(f"{len(rows)} sessions; wrote {options.out}")
 
 

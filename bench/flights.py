@@ -2,21 +2,23 @@
 
 Telemetry, signatures, fold and recorder are the flight's own (``tests.support.scripted``); members fall silent, are
 late, stand still, lie, are refused or never heard, the video stops or comes and goes, an operator states and marks.
+Screens ask oftener than the fold runs, as in a flight.
 """
 
 from __future__ import annotations
 
+import tempfile
 from bisect import bisect_left, bisect_right
 from collections import Counter, defaultdict
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from bench.screens.flights import Moment, Received, video_state
 from gcs.snapshot import Event, Health, LinkHealth, Snapshot, Statement
 from mavlink.protocol.packet import Packet
 from sim.telemetry.detections import DetectorModel
@@ -25,13 +27,40 @@ from sim.world.boxes import true_boxes
 from sim.world.scenario import UAV_ID, Gnss, Occlusion, Scenario, ScenarioFault, ScenarioGround, ScenarioView, Targets
 from sim.world.world import World
 from tests.support.scripted import CAMERA, InjectedFaults, ScriptedFlight, fly, within
+from vision.stream.pace import PACE_FRAMES, stall_after_s
 from vision.video.video import Frame
 
 S = 1_000_000
 HEARTBEAT, GLOBAL_POSITION_INT = 0, 33
 MONITOR_US = 500_000
-LATENCY_US = 120_000
-"""From a frame's exposure until it is here, at most."""
+LINKS = ("udpin:0.0.0.0:14550", "/dev/ttyUSB0")
+NEWS = 20
+"""Events of a flood at each look of the monitor."""
+Span = tuple[float, float]
+"""From when to when, seconds since the first frame."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Received:
+    """When something of a vehicle was received last that can be believed, Unix µs, 0 never."""
+
+    heartbeat_us: int = 0
+    position_us: int = 0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Moment:
+    """What a screen is given, and what is really so."""
+
+    now_us: int
+    snapshot: Snapshot
+    events: tuple[Event, ...]
+    received: Mapping[int, Received]
+    """By system id; of a second sender of an id nothing."""
+    frame_us: int
+    """When the newest frame was taken, 0 before the first."""
+    named: Mapping[int, str]
+    """Standing of each ground vehicle at the newest snapshot, by system id."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -58,6 +87,9 @@ class FlightScript:
     vehicles: int = 5
     outside: int = 0
     strangers: int = 1
+    ground: Literal["curved", "open"] = "curved"
+    names: Mapping[int, str] = field(default_factory=dict)
+    """Of ground vehicles, by system id; ``UGV-<id>`` for the rest."""
     seed: int = 7
     faults: tuple[ScenarioFault, ...] = ()
     occlusions: tuple[Occlusion, ...] = ()
@@ -65,8 +97,13 @@ class FlightScript:
     acts: tuple[OperatorAct, ...] = ()
     views: tuple[ScenarioView, ...] = ()
     """Further cameras, which nobody operates."""
-    no_video_beside: tuple[tuple[float, float], ...] = ()
-    """When no frame of theirs comes, from when to when."""
+    no_video_beside: tuple[Span, ...] = ()
+    """When no frame of theirs comes."""
+    events: Span | None = None
+    """Links report without end."""
+    disk_fails: Span | None = None
+    poll_us: int = 83_333
+    """A screen polls twelve times a second."""
 
     @property
     def scenario(self) -> Scenario:
@@ -78,12 +115,13 @@ class FlightScript:
             fps=self.fps,
             camera=CAMERA,
             ground=ScenarioGround(
-                kind="curved", vehicles=self.vehicles, outside=self.outside, spacing_m=8.0, lanes=2, bend_deg=35.0
+                kind=self.ground, vehicles=self.vehicles, outside=self.outside, spacing_m=8.0, lanes=2, bend_deg=35.0
             ),
             gnss=Gnss(white_m=0.3, bias_m=0.5),
             targets=Targets(parked_lookalikes=self.strangers),
             faults=self.faults,
             occlusions=self.occlusions,
+            scenery="dressed" if self.injected.rendered else "bare",
             views=tuple(replace(view, camera=CAMERA) for view in self.views),
         )
 
@@ -173,6 +211,14 @@ class TrueFlight:
         """When a track was found next, Unix µs, 0 never."""
         return next((seen_us for seen_us, _ in self.tracks.get(track, ()) if seen_us > t_us), 0)
 
+    def polls(self) -> Iterator[Moment]:
+        """The moments at which a screen polls: what it is given is as old as the last turn, the truth is not."""
+        times_us = [moment.now_us for moment in self.moments]
+        for now_us in range(times_us[0], times_us[-1], self.script.poll_us):
+            moment = self.moments[bisect_right(times_us, now_us) - 1]
+            received = _received((self.heartbeats, self.positions), moment.snapshot, now_us)
+            yield replace(moment, now_us=now_us, received=received)
+
     def at_s(self, t_us: int) -> float:
         """Seconds since the first frame."""
         return (t_us - self.scenario.start_us) / S
@@ -213,6 +259,10 @@ class TrueFlight:
         return (t_us - last_us) / S if last_us else float("inf")
 
 
+Heard = tuple[Mapping[int, Sequence[int]], Mapping[int, Sequence[int]]]
+"""When heartbeats and positions came, Unix µs, by system id."""
+
+
 @dataclass(kw_only=True)
 class _Surroundings:
     """What is around the fold: a monitor, a screen, and an operator who acts."""
@@ -220,8 +270,7 @@ class _Surroundings:
     script: FlightScript
     acts: list[OperatorAct]
     frames: Mapping[int, TrueFrame]
-    heard: tuple[Mapping[int, Sequence[int]], Mapping[int, Sequence[int]]]
-    """Heartbeats and positions."""
+    heard: Heard
     moments: list[Moment] = field(default_factory=list)
     turns: list[tuple[int, int]] = field(default_factory=list)
     acted: list[tuple[int, OperatorAct, int]] = field(default_factory=list)
@@ -236,15 +285,31 @@ class _Surroundings:
         self.frames_us += [frame.t_us] if frame is not None else []
         if flight.t_us - self.checked_us >= MONITOR_US:
             self.checked_us = flight.t_us
-            flight.fold.health = Health(
-                video=video_state(flight.t_us - LATENCY_US, self.frames_us),
-                fps=1.0,
-                keys=len(flight.scenario.ugv_ids) * flight.faults.signed,
-                free_bytes=50_000_000_000,
-                links=(LinkHealth(name="first", packets=flight.packets, bad=0, dropped=0, silent_s=0.0),),
-            )
+            self._monitor(flight)
         while self.acts and flight.t_us >= flight.start_us + self.acts[0].at_s * S:
             self._act(flight, self.acts.pop(0))
+
+    def _monitor(self, flight: ScriptedFlight) -> None:
+        script, since_us = self.script, flight.t_us - flight.start_us
+        silent_s = (flight.t_us - flight.packet_us) / S if flight.packets else float("inf")
+        video = video_state(flight.t_us - round(script.injected.arrives_s[1] * S), self.frames_us)
+        failing = script.disk_fails is not None and within(script.disk_fails, since_us)
+        if within(script.events, since_us):
+            for k in range(NEWS):
+                text = f"link {LINKS[0]}: system id {k + 60} is received for the first time"
+                flight.fold.add_event(Event(t_us=flight.t_us, level="info", kind="link", text=text))
+        flight.fold.health = Health(
+            fps=script.fps if video == "ok" else 0.0,
+            video=video,
+            keys=len(flight.scenario.ugv_ids) * flight.faults.signed,
+            free_bytes=50_000_000_000,
+            write_failing_s=since_us / S - script.disk_fails[0] if script.disk_fails and failing else 0.0,
+            write_reason="No space left on device" if failing else "",
+            links=tuple(
+                LinkHealth(name=name, packets=flight.packets // share, bad=0, dropped=0, silent_s=silent_s)
+                for name, share in zip(LINKS, (1, 10), strict=True)
+            ),
+        )
 
     def _act(self, flight: ScriptedFlight, act: OperatorAct) -> None:
         track, latest = 0, flight.fold.latest
@@ -264,20 +329,34 @@ class _Surroundings:
         """What a screen is given now."""
         assert self.flight is not None
         now_us = self.flight.t_us
-        last = [[_last(each.get(row.system_id, ()), now_us) for each in self.heard] for row in snapshot.vehicles]
         self.moments.append(
             Moment(
                 now_us=now_us,
                 snapshot=snapshot,
                 events=tuple(self.flight.fold.events()),
-                received={
-                    row.system_id: Received(heartbeat_us=beat_us, position_us=place_us)
-                    for row, (beat_us, place_us) in zip(snapshot.vehicles, last, strict=True)
-                },
+                received=_received(self.heard, snapshot, now_us),
                 frame_us=self.frames_us[-1] if self.frames_us else 0,
                 named={row.system_id: row.standing for row in snapshot.vehicles if row.role == "ugv"},
             )
         )
+
+
+def video_state(now_us: int, frames_us: Sequence[int]) -> str:
+    """What a flight's monitor says of a video of which frames were taken then, at a time less its latency, Unix µs."""
+    if not frames_us:
+        return "waiting"
+    return "stalled" if now_us - frames_us[-1] > stall_after_s(frames_us[-PACE_FRAMES:]) * S else "ok"
+
+
+def _received(heard: Heard, snapshot: Snapshot, now_us: int) -> Mapping[int, Received]:
+    beats_us, places_us = heard
+    return {
+        row.system_id: Received(
+            heartbeat_us=_last(beats_us.get(row.system_id, ()), now_us),
+            position_us=_last(places_us.get(row.system_id, ()), now_us),
+        )
+        for row in snapshot.vehicles
+    }
 
 
 def _last(times_us: Sequence[int], now_us: int) -> int:
@@ -293,15 +372,18 @@ def fly_script(script: FlightScript, folder: Path) -> TrueFlight:
     return replace(_fly(script, folder), beside=beside)
 
 
+def polls_of(script: FlightScript) -> list[Moment]:
+    """What a screen is given at each poll of a flight, whose recording is not kept."""
+    with tempfile.TemporaryDirectory() as folder:
+        return list(fly_script(script, Path(folder)).polls())
+
+
 def _fly(script: FlightScript, folder: Path, view: int = 0) -> TrueFlight:
     """As one camera has it, 0 the first."""
     scenario, injected = script.scenario, script.injected
     world = World(scenario)
-    heartbeats, positions, refused = (
-        defaultdict[int, list[int]](list),
-        defaultdict[int, list[int]](list),
-        Counter[int](),
-    )
+    heartbeats, positions = (defaultdict[int, list[int]](list) for _ in range(2))
+    refused = Counter[int]()
     for sent in fleet_telemetry(world, views=world.views):
         packet = Packet(sent.t_us, sent.raw)
         if within(injected.no_telemetry, sent.t_us - scenario.start_us):
@@ -313,7 +395,7 @@ def _fly(script: FlightScript, folder: Path, view: int = 0) -> TrueFlight:
     acts = sorted(script.acts, key=lambda act: act.at_s)
     frames = {frame.t_us: frame for frame in _true_frames(world.seen_from(view + 1) if view else world)}
     station = _Surroundings(script=script, acts=acts, frames=frames, heard=(heartbeats, positions))
-    recorded = fly(folder, scenario, injected, station.on_snapshot, station.before_turn, view=view)
+    recorded = fly(folder, scenario, injected, station.on_snapshot, station.before_turn, view=view, names=script.names)
     came = {frame_us for _, frame_us in station.turns}
     return TrueFlight(
         script=script,

@@ -29,8 +29,8 @@ import av
 import numpy as np
 from numpy.typing import NDArray
 
-from bench.command_line import RESULTS
-from bench.station import CAMERA, FLY, FlyingStation, cost_of, mission_text
+from bench.command_line import RESULTS, write_page
+from bench.station import FlyingStation, cost_of, mission_text
 from gcs.session.event_log import read_events
 from infra.files.segment import segments
 from infra.markdown import markdown_table
@@ -38,9 +38,12 @@ from mavlink.tlog.log import Tlog
 from sim.fleet_process import system_ids
 from tests.support.ports import free_port
 
+ROUNDS = 10_000
+"""Of a film that is sent: for days."""
+
 
 class VideoLoop:
-    """Sends until closed."""
+    """Sends a film round and round until closed."""
 
     def __init__(self, path: Path, url: str) -> None:
         self._path, self._url = path, url
@@ -54,30 +57,22 @@ class VideoLoop:
         self._thread.join(timeout=5)
 
     def _send(self) -> None:
-        with av.open(self._url, "w", format="mpegts") as sink:
-            outlet: Any = None
-            start, shift_s = time.monotonic(), 0.0
-            while not self._stop.is_set():
-                with av.open(str(self._path)) as source:
-                    stream = source.streams.video[0]
-                    outlet = outlet or sink.add_stream_from_template(stream)
-                    shift_s = self._round(sink, outlet, source.demux(stream), start, shift_s)
-
-    def _round(self, sink: Any, outlet: Any, packets: Any, start: float, shift_s: float) -> float:  # noqa: ANN401
-        """Once through the file; where the next round begins, seconds. PyAV publishes no types."""
-        end_s = shift_s
-        for packet in packets:
-            if packet.dts is None or packet.pts is None:
-                continue
-            at_s = shift_s + float(packet.dts * packet.time_base)
-            if self._stop.wait(max(0.0, start + at_s - time.monotonic())):
-                break
-            end_s = max(end_s, at_s + float((packet.duration or 0) * packet.time_base))
-            shift = round(shift_s / packet.time_base)
-            packet.pts, packet.dts = packet.pts + shift, packet.dts + shift
-            packet.stream = outlet
-            sink.mux(packet)
-        return max(end_s, shift_s + 1e-2)
+        with tempfile.NamedTemporaryFile("w", suffix=".ffconcat") as films:
+            films.write("ffconcat version 1.0\n" + f"file '{self._path}'\n" * ROUNDS)
+            films.flush()
+            with (
+                av.open(films.name, format="concat", options={"safe": "0"}) as source,
+                av.open(self._url, "w", format="mpegts") as sink,
+            ):
+                stream = source.streams.video[0]
+                outlet = sink.add_stream_from_template(stream)
+                start_s = time.monotonic()
+                for packet in source.demux(stream):
+                    due_s = start_s + float((packet.dts or 0) * packet.time_base)
+                    if self._stop.wait(max(0.0, due_s - time.monotonic())):
+                        return
+                    packet.stream = outlet
+                    sink.mux(packet)
 
 
 POLL_S = 0.05
@@ -129,8 +124,8 @@ class LogWatch:
             self._size, self._grown_s, self._polls = size, now, 0
 
 
-_HELD = ("processes", "rss_mb", "own_mb", "cpu_percent", "threads", "descriptors")
-COLUMNS = ("t_s", *_HELD, "longest_stall_ms", "stalls")
+HELD = ("processes", "rss_mb", "own_mb", "threads", "descriptors")
+COLUMNS = ("t_s", *HELD[:3], "cpu_percent", *HELD[3:], "longest_stall_ms", "stalls")
 WARM_UP = 0.1
 """Share of the run after which memory is taken as the beginning's."""
 MAX_TOLD = 5
@@ -222,7 +217,7 @@ END_S = 60.0
 
 def mission(vehicles: int) -> str:
     """A mission file for the fleet of ``sim.fleet_process``."""
-    return mission_text(system_ids(vehicles)[1:], more=CAMERA)
+    return mission_text(system_ids(vehicles)[1:])
 
 
 def soak(chosen: argparse.Namespace, out: Path) -> Run:
@@ -236,7 +231,7 @@ def soak(chosen: argparse.Namespace, out: Path) -> Run:
         folder = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="soak-")))
         telemetry, camera = free_port(), free_port()
         more = ["-v", f"udp://127.0.0.1:{camera}"] if chosen.video else []
-        flight = FlyingStation(FLY, folder, mission(chosen.vehicles), [f"udpin:127.0.0.1:{telemetry}"], more)
+        flight = FlyingStation(folder, mission(chosen.vehicles), telemetry, more)
         stack.callback(flight.end)
         watch = LogWatch(flight.session)
         stack.callback(watch.close)
@@ -280,14 +275,9 @@ def _sample(
         while fleet.poll() is None and flight.running and time.monotonic() < start + seconds + END_S:
             time.sleep(min(SAMPLE_S, seconds / 4))
             cost, now = cost_of(flight.pid), time.monotonic()
-            row = {
+            row = {name: round(getattr(cost, name), 2) for name in HELD} | {
                 "t_s": round(now - start, 1),
-                "processes": cost.processes,
-                "rss_mb": round(cost.rss_mb, 2),
-                "own_mb": round(cost.own_mb, 2),
                 "cpu_percent": round(100 * (cost.cpu_s - cpu_s) / (now - at_s), 1),
-                "threads": cost.threads,
-                "descriptors": cost.descriptors,
                 "longest_stall_ms": round(1e3 * watch.take_longest_s()),
                 "stalls": watch.stalls,
             }
@@ -316,11 +306,8 @@ def main() -> None:
     parser.add_argument("fleet", nargs="*", help="after --: for sim.fleet_process")
     chosen = parser.parse_args()
     chosen.out.mkdir(parents=True, exist_ok=True)
-    table, page = chosen.out / f"{chosen.name}.csv", chosen.out / f"{chosen.name}.md"
-    run = soak(chosen, table)
-    text = report(run, chosen)
-    page.write_text(text, encoding="utf-8")
-    print(text)
+    run = soak(chosen, chosen.out / f"{chosen.name}.csv")
+    write_page(chosen.out / f"{chosen.name}.md", report(run, chosen))
 
 
 if __name__ == "__main__":

@@ -1,1 +1,0 @@
-"""A simulated flight of hours: what is lost, how late it is, and whether anything grows."""
