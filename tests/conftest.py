@@ -6,6 +6,7 @@ import socket
 
 import pytest
 from hypothesis import HealthCheck, settings
+from textual.css.stylesheet import Stylesheet
 
 from gcs.cli.attach.place import VARIABLES
 from mavlink.ingest.ingest import Ingest
@@ -24,6 +25,19 @@ gc.set_threshold(50_000, 20, 100)
 # Neither does the terminal that the tests are run from: screens have the same colours and sizes everywhere.
 for _name in (*VARIABLES, "FORCE_COLOR"):
     os.environ.pop(_name, None)
+
+# An app parses all its style sheets, an eighth of what a test of screens takes: here each is parsed once in each theme.
+_parse_rules, _parsed = Stylesheet._parse_rules, {}
+
+
+def _parsed_once(sheet, *about, **more):
+    key = (frozenset(sheet._variables.items()), *about, *sorted(more.items()))
+    if key not in _parsed:
+        _parsed[key] = _parse_rules(sheet, *about, **more)
+    return _parsed[key]
+
+
+Stylesheet._parse_rules = _parsed_once
 
 
 @pytest.hookimpl(tryfirst=True)

@@ -44,7 +44,7 @@ def python(script, *words):
 
 
 def test_macos_imports_everything_and_replays(tmp_path):
-    code, stdout, stderr = python(MACOS, shortened(SWARM, tmp_path / "session", 20), tmp_path / "out")
+    code, stdout, stderr = python(MACOS, shortened(SWARM, tmp_path / "session", 12), tmp_path / "out")
     assert code == 0, stderr
     assert "2 of 6 vehicles named" in stdout  # no more are in view so soon
 

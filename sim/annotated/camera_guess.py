@@ -14,7 +14,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import theilslopes
 
 from sim.annotated.tracks import AnnotatedTracks
 from sim.errors import AnnotationError
@@ -106,6 +105,8 @@ def _pitch(row: FloatArray, measured: FloatArray, focal: float, middle: float, p
     """Pitch, degrees, by the line of sizes over rows; straight down where sizes do not grow downwards."""
     if len(row) < 3 or np.ptp(row) < 1.0:
         return -90.0
+    from scipy.stats import theilslopes  # here: loading scipy.stats takes half a second
+
     slope, intercept, _, _ = theilslopes(measured / _apparent_m(np.radians(-pitch_deg)), row - middle)
     if slope <= 0.0 or intercept <= 0.0:
         return -90.0

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.ndimage import gaussian_filter1d
-from scipy.signal import lfilter
 
 from sim.world.motion import STEP_S
 from sim.world.scenario import ScenarioCamera, ScenarioFlight
@@ -100,6 +99,8 @@ def _wobble(duration_s: float, flight: ScenarioFlight, rng: np.random.Generator)
     """(W, 3) yaw, pitch, roll, radians: white noise through three equal poles."""
     if flight.wobble_deg == 0.0:
         return np.empty((0, 3))
+    from scipy.signal import lfilter  # here: it brings scipy.stats, and few flights wobble
+
     lead = round(SETTLING * flight.wobble_tau_s / WOBBLE_STEP_S)
     # white noise of power density q through 1 / (1 + iωT)³ has the variance 3 q / 16 T; samples of σ² have q = σ² Δt
     std = np.radians(flight.wobble_deg) * np.sqrt(16.0 * flight.wobble_tau_s / (3.0 * WOBBLE_STEP_S))

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scipy.stats import multivariate_normal
 
 from assoc.evidence.blocks import Blocks
 from assoc.evidence.likelihood import NEVER, bound_variance, initial_state, moved_state, run_filter
@@ -29,6 +28,8 @@ def followed(samples, levels=None, switch=NO_SWITCH, state=None):
 @settings(max_examples=30)
 @given(seeds, st.integers(1, 6))
 def test_a_first_block_scores_the_joint_density_of_its_samples(seed, k):
+    from scipy.stats import multivariate_normal  # here: at the top every test process would load it
+
     r = np.random.default_rng(seed).normal(0.5, 0.6, (k, 2))
     white, together = 0.09 * np.eye(k), np.ones((k, k))
 

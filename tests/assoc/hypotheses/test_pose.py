@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scipy.stats import multivariate_normal
 
 from assoc.evidence.likelihood import bound_variance, initial_state
 from assoc.geometry.ground import THETA
@@ -45,6 +44,8 @@ def start(std=BIAS_STD_M):
 @settings(max_examples=25)
 @given(seeds)
 def test_evidence_for_how_biases_wander_is_the_joint_density_of_all_block_means(seed):
+    from scipy.stats import multivariate_normal  # here: at the top every test process would load it
+
     blocks, theta = scene(seed), np.random.default_rng(seed).normal(0.0, 0.1, THETA)
     models = BiasModels(std=np.array([0.8, 1.3, 2.5]), decay=np.array([0.5, 0.9, 0.99]))
     found = log_evidence(blocks, OWN, OWN, theta, initial_state(PAIRS, PAIRS), noise(), models)

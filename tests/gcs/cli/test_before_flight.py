@@ -7,7 +7,7 @@ import pytest
 from gcs.cli import fly
 from gcs.cli.output.console import check_terminal
 from gcs.errors import GcsError
-from tests.support.command_line import run_gcs, run_gcs_process
+from tests.support.command_line import run_gcs
 from tests.support.ports import free_port
 
 MISSION = "[uav]\nsystem_id = 1\n[[ugv]]\nsystem_id = 11\n[[ugv]]\nsystem_id = 12\n"
@@ -17,8 +17,8 @@ def test_vehicles_without_a_key_are_named_with_the_folder(tmp_path):
     keys, path = tmp_path / "keys", tmp_path / "mission.toml"
     path.write_text(MISSION + '[signing]\nkeys = "keys"\n')
     assert run_gcs("keys", "new", "11", "--keys", keys)[0] == 0
-    words = ("fly", path, "-l", f"udpin:127.0.0.1:{free_port()}", "--headless", "--duration", 1)
-    code, _, told = run_gcs_process(*words, "--sessions", tmp_path / "sessions")
+    words = ("fly", path, "-l", f"udpin:127.0.0.1:{free_port()}", "--headless", "--duration", 0.1)
+    code, _, told = run_gcs(*words, "--sessions", tmp_path / "sessions")
     assert code == 0 and f"{keys} has no key for UAV (1), UGV-12 (12)" in told
 
 

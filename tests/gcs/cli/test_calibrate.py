@@ -8,6 +8,7 @@ import pytest
 
 from gcs.cli.app import main
 from gcs.mission.mission import load_mission
+from tests.support.bundled import CURVED_ROAD
 from tests.support.films.board_video import BoardCamera, poses, write_video
 from vision.camera.lens_file import read_lens
 
@@ -83,9 +84,9 @@ def test_too_short_a_video_or_another_board_writes_nothing(tmp_path, monkeypatch
         (("-o", "absent/lens.toml"), "the folder does not exist"),
     ],
 )
-def test_what_cannot_be_asked(video, tmp_path, monkeypatch, capsys, words, message):
+def test_what_cannot_be_asked(tmp_path, monkeypatch, capsys, words, message):
     monkeypatch.chdir(tmp_path)
-    assert run(monkeypatch, video, "-o", "lens.toml", *words) == 2
+    assert run(monkeypatch, CURVED_ROAD / "video.mp4", "-o", "lens.toml", *words) == 2
     assert message in capsys.readouterr().err
 
 

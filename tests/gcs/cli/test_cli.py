@@ -180,7 +180,7 @@ def test_bad_input_is_one_clear_line(case, tmp_path):
 
 
 def test_the_process_ends_with_the_code_and_the_line():
-    code, stdout, stderr = run_gcs_process("identify", "/nowhere", "-o", "/nowhere")
+    code, stdout, stderr = run_gcs_process("tlog", "info", "/nowhere")
     assert (code, stdout, stderr.count("\n")) == (2, "", 1)
     assert stderr.startswith("gcs: ")
 
@@ -277,7 +277,7 @@ def test_other_errors_of_the_system_are_faults_of_the_program():
 def test_logs_where_it_is_asked_to(tmp_path):
     out, log = tmp_path / "out", tmp_path / "gcs.log"
     code, _, stderr = run_gcs_process(
-        "--log-level", "debug", "--log-file", log, "identify", swarm_session(tmp_path, frames=10), "-o", out
+        "--log-level", "debug", "--log-file", log, "identify", swarm_session(tmp_path, frames=5), "-o", out
     )
     assert code == 0, stderr
     assert "gcs.session.event_log" in log.read_text()

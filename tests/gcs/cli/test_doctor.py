@@ -5,11 +5,13 @@ from __future__ import annotations
 import json
 import socket
 from dataclasses import replace
+from functools import cache
 from types import SimpleNamespace
 
 import pytest
 from typer.testing import CliRunner
 
+from gcs.cli import doctor
 from gcs.cli.app import app
 from gcs.cli.doctor import _of_all_cameras
 from gcs.health import detector_speed, machine
@@ -69,6 +71,8 @@ def test_a_disk_that_is_nearly_full_is_told(tmp_path, monkeypatch):
 
 def test_whatever_falls_short_comes_with_advice_and_programs_get_the_same(tmp_path, monkeypatch):
     monkeypatch.setattr(machine, "DECODERS", ("h264", "no such decoder"))
+    once = cache(lambda sessions, **about: tuple(machine.checks(sessions, **about)))  # the detector takes a second
+    monkeypatch.setattr(doctor, "checks", once)
     plain = CliRunner().invoke(app, ["doctor", "--sessions", str(tmp_path)])
     told = CliRunner().invoke(app, ["doctor", "--sessions", str(tmp_path), "--json"])
     assert plain.exit_code == told.exit_code == 2

@@ -1,16 +1,22 @@
 """The table of boxes, as DuckDB and pandas read it."""
 
 import sys
+from importlib import import_module
 
 import duckdb
 import numpy as np
-import pandas as pd
 import pytest
 
 from gcs.errors import GcsError, SessionError
 from gcs.export.formats import FORMATS, format_for
 from gcs.export.job import ExportJob
 from tests.support.snapshots import box, snapshot
+
+
+@pytest.fixture(scope="module")
+def pd():
+    # not above: loading it takes every test process half a second, and one of them runs these tests
+    return import_module("pandas")
 
 
 def written(path, *snapshots):
@@ -21,7 +27,7 @@ def written(path, *snapshots):
     return path
 
 
-def test_duckdb_counts_what_the_csv_has(export_to, tmp_path):
+def test_duckdb_counts_what_the_csv_has(export_to, tmp_path, pd):
     for suffix in ("parquet", "csv"):
         export_to(tmp_path / f"a.{suffix}")
     count = "select system_id, name, count(*), round(avg(confidence), 4) from '{}' group by all order by all"
@@ -34,7 +40,7 @@ def test_duckdb_counts_what_the_csv_has(export_to, tmp_path):
         export_to(tmp_path / "a.parquet")
 
 
-def test_what_is_unknown_is_null_and_strangers_have_no_name(tmp_path):
+def test_what_is_unknown_is_null_and_strangers_have_no_name(tmp_path, pd):
     boxes = [box(1, 2), box(2, 0, runner_up=3, heading=np.nan), box(3, 3, coasting=True)]
     table = pd.read_parquet(written(tmp_path / "a.parquet", snapshot(0, boxes=boxes)))
     assert table.track_id.tolist() == [1, 2]

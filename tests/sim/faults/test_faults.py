@@ -24,6 +24,8 @@ from sim.world.scenario_file import load_scenario, save_scenario
 from sim.world.view import ray_ground
 from sim.world.world import World
 
+pytestmark = pytest.mark.usefixtures("moved_once")
+
 T = np.arange(0.0, 20.0, 0.2)
 
 

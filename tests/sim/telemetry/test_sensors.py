@@ -23,6 +23,8 @@ from sim.world.scenario import (
 )
 from sim.world.world import World
 
+pytestmark = pytest.mark.usefixtures("moved_once")
+
 T = np.arange(0.0, 20.0, 0.2)
 
 
@@ -75,7 +77,8 @@ def test_the_uavs_errors_are_as_ordered():
     ("kind", "size", "growth"),
     [("jump", 12.0, lambda t: np.full_like(t, 12.0)), ("drift", 0.5, lambda t: 0.5 * (t - 10.0))],
 )
-def test_a_spoofed_vehicle_is_off_by_what_was_asked(kind, size, growth):
+def test_a_spoofed_vehicle_is_off_by_what_was_asked(kind, size, growth, monkeypatch):
+    monkeypatch.undo()  # each moves its own bodies: a spoof is to change no motion
     faults = (ScenarioFault(vehicle=2, kind=kind, start_s=10.0, size=size),)
     good, bad = flight(), flight(faults=faults)
     off = np.linalg.norm(bad.ugv(2, T).p_enu - good.ugv(2, T).p_enu, axis=1)
