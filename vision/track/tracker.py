@@ -10,6 +10,7 @@ Reference:
 
 from __future__ import annotations
 
+import math
 from collections import deque
 from collections.abc import Collection
 from dataclasses import replace
@@ -55,6 +56,8 @@ FIRST_NOISE_MATCHES, NOISE_MATCHES = 10.0, 60.0
 vehicles."""
 MAX_NOISE = 4.0
 """Greatest noise of detected centres, in units of what is usual."""
+LIKE = 0.2
+"""Greatest difference, in its logarithm, between the size of a box that tells about the noise and that of its track."""
 UNUSUAL = 4.0
 """Distance² of a match, in units of what is expected, beyond which it tells no more about the noise."""
 SURE_SHARE = 0.7
@@ -214,24 +217,24 @@ class Tracker:
         """Learn the noise of detected centres from how far boxes are from where their tracks are expected.
 
         With y the offset of a box, P the variance of where its track is expected and r² the usual noise, per axis, the
-        noise has the variance E[y² − P] / r² in units of the usual one.
+        noise has the variance E[y² − P] / r² in units of the usual one, averaged with the weights R²/(R + P)².
         """
         state = self._state
+        size = np.sqrt(boxes.w[columns] * boxes.h[columns])
         steady = state.confirmed[rows] & (state.gap_s[rows] <= self._recent_s)
+        # a box round two, or round a part, is elsewhere than its vehicle
+        steady &= np.abs(np.log(size / state.length[rows])) < LIKE
         tracks, offset = state.select(rows[steady]), boxes.centre[columns[steady]] - state.x[rows[steady], :2]
         if not len(tracks):
             return
-        usual2 = self._noise_of(tracks.length) ** 2 / self._factor2
-        expected = 0.5 * (tracks.P[:, 0, 0] + tracks.P[:, 1, 1])
-        squared = np.minimum(0.5 * (offset * offset).sum(axis=1), UNUSUAL * (expected + usual2 * self._factor2))
-        self._noise_matches = min(self._noise_matches + len(tracks), NOISE_MATCHES)
-        share = min(len(tracks) / self._noise_matches, 1.0)
-        self._noise2 += share * (float(np.mean((squared - expected) / usual2)) - self._noise2)
-
-    @property
-    def _factor2(self) -> float:
-        """Variance of detected centres that is used, in units of what is usual."""
-        return min(max(self._noise2, 1.0), MAX_NOISE**2)
+        usual2, expected2 = self._usual_noise(tracks.length) ** 2, 0.5 * (tracks.P[:, 0, 0] + tracks.P[:, 1, 1])
+        noise2 = self._noise_of(tracks.length) ** 2
+        # where a track is expected within wide limits a box tells little
+        weight = (noise2 / (noise2 + expected2)) ** 2
+        squared = np.minimum(0.5 * (offset * offset).sum(axis=1), UNUSUAL * (expected2 + noise2))
+        self._noise_matches = min(self._noise_matches + weight.sum(), NOISE_MATCHES)
+        found = weight * ((squared - expected2) / usual2 - self._noise2)
+        self._noise2 += float(found.sum()) / max(self._noise_matches, weight.sum())
 
     def _extend(self, boxes: Detections, n: int, known: Collection[int]) -> None:
         """ByteTrack's second round: boxes (m,) from the n-th on are weak, and only continue confirmed tracks."""
@@ -407,9 +410,14 @@ class Tracker:
         self._next_id += len(index)
         self._state = state.join(born)
 
+    def _usual_noise(self, size: Floats) -> Floats:
+        """Usual standard deviation of detected centres, px."""
+        return np.maximum(self.params.centre_noise * size, 1.0)
+
     def _noise_of(self, size: Floats) -> Floats:
-        """Standard deviation of detected centres, px."""
-        return np.asarray(np.sqrt(self._factor2) * np.maximum(self.params.centre_noise * size, 1.0))
+        """Standard deviation of detected centres in this film, px."""
+        factor = min(max(math.sqrt(max(self._noise2, 0.0)), 1.0), MAX_NOISE)
+        return np.asarray(factor * self._usual_noise(size))
 
     def _tracks(self, order: Indices | None) -> Tracks:
         state = self._state
