@@ -44,12 +44,12 @@ def boxes_of(
     number_of: Callable[[int], int],
     score: float,
 ) -> tuple[Box, ...]:
-    """Boxes of a frame: those that tracks took, with their names, then strong ones that no track took.
+    """Boxes of a look: those that tracks took, with their names, then strong ones that no track took.
 
     Where the boxes of a vehicle's front and rear were put together its track has the one, and the other has its name.
 
     Args:
-        look: What was seen in it.
+        look: The detector's, whose boxes these are.
         identities: In the order of its tracks, None without a camera pose.
         origin: Of the local frame, None unknown.
         candidates: Who each track may be, in the order of the identities.

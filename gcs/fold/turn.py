@@ -27,7 +27,7 @@ class Turn:
     state: FleetState
     """The fleet at that time, by telemetry's clock."""
     view: FrameCamera | None
-    """The camera; None without a position, or one whose lens is known."""
+    """The camera, by reports at first, after the first stage by the boxes, too; None without a position or a lens."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -1,8 +1,9 @@
-"""How many of the product's files a packet passes, from the socket to its row of the snapshot."""
+"""How many of the product's files a packet passes, from the socket to its row of the snapshot, and a frame."""
 
 import re
 import socket
 import sys
+from contextlib import contextmanager
 from pathlib import Path
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect
@@ -10,6 +11,8 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 from gcs.fold.pipeline import Pipeline
 from gcs.fold.snapshot_rows import vehicle_rows
 from gcs.mission.mission import Mission, MissionVehicle
+from gcs.playback.analysis import Analysis
+from gcs.session.session import open_session
 from infra.files.journal import Journal, make_journal
 from mavlink.ingest.ingest_memory import IngestMemory, make_ingest_memory
 from mavlink.ingest.plan import Signing
@@ -18,6 +21,7 @@ from mavlink.links.kinds import parse_url
 from mavlink.links.udp import UdpIn
 from mavlink.protocol.encoder import COPTER, ROVER, MavlinkEncoder
 from mavlink.tlog.writer import TlogWriter
+from tests.support.bundled import SWARM, shortened
 from tests.support.ports import free_port
 
 ROOT = Path(__file__).parents[3]
@@ -45,14 +49,33 @@ def messages(encoder, system_id, boot_ms, lat_e7):
     )
 
 
+@contextmanager
+def noted_files():
+    """The product's files of which something is called meanwhile."""
+    codes, files = set(), set()
+
+    def note(frame, event, arg):
+        if event == "call":
+            codes.add(frame.f_code.co_filename)
+
+    before = sys.getprofile()
+    sys.setprofile(note)
+    try:
+        yield files
+    finally:
+        sys.setprofile(before)
+        ours = (Path(name) for name in codes if name.startswith(f"{ROOT}/"))
+        paths = (path.relative_to(ROOT).as_posix() for path in ours if ".venv" not in path.parts)
+        files |= {path for path in paths if not path.startswith("tests/")}
+
+
+def files_by_the_page(sentence):
+    """Number of files that the page tells."""
+    (told,) = re.findall(sentence, (ROOT / "docs/architecture.md").read_text(encoding="utf-8"))
+    return int(told)
+
+
 def test_the_page_says_how_many_files_a_packet_passes(tmp_path):
-    files = set()
-
-    def note_file(frame, event, arg):
-        path = Path(frame.f_code.co_filename)
-        if event == "call" and path.is_relative_to(ROOT) and ".venv" not in path.parts:
-            files.add(path.relative_to(ROOT).as_posix())
-
     mission = Mission(uav=MissionVehicle(system_id=UAV), ugv=(MissionVehicle(system_id=UGV),))
     pipeline = Pipeline(mission, links=("udp",))
     link = UdpIn(parse_url(f"udpin:127.0.0.1:{free_port()}"))
@@ -82,15 +105,31 @@ def test_the_page_says_how_many_files_a_packet_passes(tmp_path):
                 [raw for i, encoder in encoders.items() for raw in messages(encoder, i, boot_ms, -353_630_000 + 10 * k)]
             )
         *_, position = messages(encoders[UGV], UGV, 60_400, -353_629_960)
-        before = sys.getprofile()
-        sys.setprofile(note_file)
-        try:
+        with noted_files() as files:
             rows = walk([position])
-        finally:
-            sys.setprofile(before)
     link.close()
     assert rows[1].position_state == "ok" and rows[1].position_age_s == 0.0
-    files = {path for path in files if not path.startswith("tests/")} | CALLERS
+    files |= CALLERS
     assert all((ROOT / path).is_file() for path in CALLERS)
-    (most,) = re.findall(r"A packet passes (\d+) files", (ROOT / "docs/architecture.md").read_text(encoding="utf-8"))
-    assert len(files) <= int(most), "\n".join(sorted(files))
+    assert len(files) <= files_by_the_page(r"A packet passes (\d+) files"), "\n".join(sorted(files))
+
+
+def test_the_page_says_how_many_files_a_frame_passes(tmp_path, monkeypatch):
+    add_frame, passed, named = Pipeline.add_frame, [], []
+
+    def noted(pipeline, *frame, **more):
+        with noted_files() as files:
+            snapshot = add_frame(pipeline, *frame, **more)
+        passed.append(files)
+        named.append(sum(box.system_id > 0 for box in snapshot.boxes))
+        return snapshot
+
+    monkeypatch.setattr(Pipeline, "add_frame", noted)
+    analysis = Analysis(open_session(shortened(SWARM, tmp_path / "flown", 40)))
+    try:
+        assert len(list(analysis.snapshots(images=False))) == len(passed)
+    finally:
+        analysis.close()
+    assert max(named) > 1
+    most = max(passed, key=len)
+    assert 60 < len(most) <= files_by_the_page(r"a frame at most (\d+)"), "\n".join(sorted(most))
