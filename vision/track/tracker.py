@@ -54,8 +54,9 @@ REACH_SHARE = 0.05
 FIRST_NOISE_MATCHES, NOISE_MATCHES = 10.0, 60.0
 """Matches that the usual noise of detected centres counts for, and over which it is averaged: some seconds of a few
 vehicles."""
-MAX_NOISE = 4.0
-"""Greatest noise of detected centres, in units of what is usual."""
+MARGIN, MAX_NOISE = 1.5, 4.0
+"""Noise of detected centres up to which the usual one holds, and the greatest, in units of that: vehicles whose boxes
+merge look a little noisier than they are."""
 LIKE = 0.2
 """Greatest difference, in its logarithm, between the size of a box that tells about the noise and that of its track."""
 UNUSUAL = 4.0
@@ -416,7 +417,8 @@ class Tracker:
 
     def _noise_of(self, size: Floats) -> Floats:
         """Standard deviation of detected centres in this film, px."""
-        factor = min(max(math.sqrt(max(self._noise2, 0.0)), 1.0), MAX_NOISE)
+        learned = math.sqrt(max(self._noise2, 0.0))
+        factor = min(max(1.0 + 2.0 * (learned - MARGIN), 1.0), max(learned, 1.0), MAX_NOISE)
         return np.asarray(factor * self._usual_noise(size))
 
     def _tracks(self, order: Indices | None) -> Tracks:
