@@ -303,8 +303,8 @@ def test_a_fleet_that_was_changed_in_flight_is_changed_again_at_the_same_turn(tm
         60: FleetChange(what="added", system_id=first),
     }
 
-    def with_three(scenario):
-        mission = whole(scenario)
+    def with_three(*about):
+        mission = whole(*about)
         return replace(mission, ugv=mission.ugv[:-1])
 
     def change(flight, frame):
