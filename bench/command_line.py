@@ -1,15 +1,11 @@
-"""What benchmarks have in common: the command line, rows and pages that they write, and processes for the work."""
+"""Command lines of the benchmarks, and the tables and pages that they write."""
 
 from __future__ import annotations
 
 import argparse
 import csv
-import os
-from collections.abc import Iterable, Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor
-from contextlib import contextmanager
+from collections.abc import Iterable, Sequence
 from dataclasses import astuple, fields
-from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
@@ -58,21 +54,3 @@ def write_page(path: Path, text: str) -> None:
     path.parent.mkdir(parents=True, exist_ok=True)
     path.write_text(text, encoding="utf-8")
     print(text)
-
-
-WORKERS = 2
-ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
-"""Environment that numerical libraries read when they are loaded."""
-
-
-@contextmanager
-def one_threaded(workers: int = WORKERS) -> Iterator[ProcessPoolExecutor]:
-    """A pool of processes that start afresh; the environment is as before afterwards."""
-    before = {name: os.environ.get(name) for name in ONE_THREAD}
-    os.environ.update(ONE_THREAD)
-    try:
-        with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
-            yield pool
-    finally:
-        for name, value in before.items():
-            os.environ.pop(name) if value is None else os.environ.update({name: value})

@@ -21,7 +21,8 @@ from unittest.mock import patch
 import numpy as np
 
 from assoc.identification.identifier import Identifier
-from bench.command_line import one_threaded, parser_of, write_page, write_rows
+from bench.command_line import parser_of, write_page, write_rows
+from bench.workers import one_threaded
 from gcs.playback.analysis import Analysis
 from gcs.session.session import open_session
 from infra.markdown import markdown_table

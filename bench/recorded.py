@@ -16,10 +16,11 @@ from pathlib import Path
 
 import numpy as np
 
-from bench.command_line import RESULTS, count, one_threaded, write_page, write_rows
+from bench.command_line import RESULTS, count, write_page, write_rows
 from bench.field.measure import summarise, tally
 from bench.field.product import identify
 from bench.field.tables import number
+from bench.workers import one_threaded
 from gcs.cli.output.console import print_note
 from gcs.cli.output.progress import progress
 from infra.markdown import markdown_table

@@ -95,8 +95,8 @@ def _reach_m(segments: Segments, residuals: Residuals, block_s: float) -> FloatA
     """(B, S) distance, metres, from the middle of each segment's box up to which a vehicle is in it."""
     half_m = np.full(residuals.blocks.count.shape[:2], _WITHIN_M)
     for (t_us, track), length_m in segments.length_m.items():
-        block = int(1e-6 * (t_us - segments.origin_us) // block_s) - residuals.blocks.first
-        at = min(max(block, 0), len(half_m) - 1), segments.of[t_us, track]
+        t = np.array(1e-6 * (t_us - segments.origin_us))
+        at = int(_block_at(t, residuals, block_s)), segments.of[t_us, track]
         half_m[at] = max(half_m[at], 0.5 * length_m)
     return half_m
 
@@ -104,9 +104,14 @@ def _reach_m(segments: Segments, residuals: Residuals, block_s: float) -> FloatA
 def _seen_blocks(segments: Segments, residuals: Residuals, block_s: float) -> BoolArray:
     """(B, S) blocks in which each segment was seen."""
     history, seen = segments.history, np.zeros(residuals.blocks.count.shape[:2], np.bool_)
-    block = np.floor(history.t[: history.n] / block_s).astype(np.int64) - residuals.blocks.first
-    np.logical_or.at(seen, np.clip(block, 0, len(seen) - 1), segments.seen)
+    np.logical_or.at(seen, _block_at(history.t[: history.n], residuals, block_s), segments.seen)
     return seen
+
+
+def _block_at(t: FloatArray, residuals: Residuals, block_s: float) -> IntArray:
+    """(...) block of each time, seconds from the first frame; the first or last one before and after all."""
+    block = np.floor(t / block_s).astype(np.int64) - residuals.blocks.first
+    return np.asarray(np.clip(block, 0, len(residuals.blocks.count) - 1))
 
 
 def _lasting(so: BoolArray) -> BoolArray:

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import time
 
-from bench.command_line import WORKERS, count, parser_of, write_page
+from bench.command_line import count, parser_of, write_page
 from bench.field.families import FAMILIES
 from bench.field.suite import play_all, tasks_of
 from bench.field.tables import report, write_reliability, write_sessions
+from bench.workers import WORKERS
 from gcs.cli.output.console import print_note
 from gcs.cli.output.progress import progress
 

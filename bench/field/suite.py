@@ -8,10 +8,10 @@ from concurrent.futures import as_completed
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from bench.command_line import one_threaded
 from bench.field.families import FAMILIES, Split, film_of, has_pixels, label_of, scenario_of, seeds_of
 from bench.field.measure import Outcome, tally
 from bench.field.product import identify
+from bench.workers import one_threaded
 from gcs.session.frame_tables import motion_row, read_detections
 from infra.session_format import DETECTIONS, MOTION
 from sim.render.film import Film

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from bench.command_line import one_threaded, parser_of, write_rows
+from bench.command_line import parser_of, write_rows
 from bench.paper.experiments import Count, conditions, evaluate
 from bench.paper.methods import times
 from bench.paper.occlusion import Kept, play
 from bench.paper.tables import write_tables
+from bench.workers import one_threaded
 from gcs.cli.output.progress import progress
 
 FLIGHTS, QUICK_FLIGHTS, WINDOWS = 20, 1, 50

@@ -114,13 +114,15 @@ class NamingStage:
         self._changes.mission = self.statements.mission = mission
         if mission.ugv_ids != before.ugv_ids:
             self.identifier.change_fleet(mission.ugv_ids)
-            self._begin_evidence()
-            self.statements.count_again(self.identifier)
-            self._changes.evidence_forgotten = True
+            self._count_again()
 
     def begin_anew(self) -> None:
         """Forget all evidence."""
         self.identifier = Identifier(self._mission.ugv_ids, self._params)
+        self._count_again()
+
+    def _count_again(self) -> None:
+        """Let what was stated count for an identifier whose evidence begins anew."""
         self._begin_evidence()
         self.statements.count_again(self.identifier)
         self._changes.evidence_forgotten = True

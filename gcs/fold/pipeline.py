@@ -27,6 +27,7 @@ from mavlink.fleet.fleet import Fleet
 from mavlink.geodesy import LocalFrame
 from mavlink.protocol.packet import Auth, Packet
 from mavlink.state import FleetState
+from vision.camera.camera import ground_sampling
 from vision.detect.detections import Detections
 from vision.motion.image_motion import ImageMotion
 
@@ -77,8 +78,7 @@ class Pipeline:
         self._cameras = self._seeing.cameras
         self._showing = ShowingStage(mission, self.naming, self._cameras)
         self._elsewhere = {view.system_id for view in mission.view}
-        offset_s = mission.clock.video_offset_s
-        self._offset_us = 0 if offset_s == "auto" else round(float(offset_s) * 1e6)
+        self._offset_us = round(1e6 * mission.clock.declared_offset_s)
         self._changes = FleetChanges()
         self._origin: LocalFrame | None = None
         self._look: Look | None = None
@@ -152,13 +152,22 @@ class Pipeline:
 
     def gsd_m(self, t_us: int, image: NDArray[np.uint8]) -> float | None:
         """Ground metres a pixel in the middle of a frame (H, W, 3), None while the camera's pose or height is open."""
-        state = self.fleet.at(self.telemetry_time(t_us))
-        return self._seeing.gsd_m(self._camera(state, _size_of(image)))
+        view = self._camera(self.fleet.at(self.telemetry_time(t_us)), _size_of(image))
+        if view is None or view.ground.is_doubtful_below(float(view.pose.p_enu[2])):
+            return None
+        return ground_sampling(view.intrinsics, view.pose, view.ground_z)
 
     def reported_px(self, t_us: int, image: NDArray[np.uint8]) -> dict[int, tuple[float, float, float]]:
         """Places in a frame (H, W, 3) that the vehicles report, by system id: x, y and the 1σ of both, px."""
         state = self.fleet.at(self.telemetry_time(t_us))
-        return self._seeing.reported_px(state, self._camera(state, _size_of(image)))
+        view = self._camera(state, _size_of(image))
+        if view is None:
+            return {}
+        std_m = np.hypot(view.place_std_m(state.p_enu), np.nan_to_num(state.std_m))
+        away_m = np.linalg.norm(state.p_enu - view.pose.p_enu, axis=1)
+        std_px = dict(zip(state.system_id.tolist(), (std_m / away_m * view.intrinsics.fx).tolist(), strict=True))
+        expected = self.naming.expected_px(state, view) or {}
+        return {i: (*uv, std_px[i]) for i, uv in expected.items() if np.isfinite((*uv, std_px[i])).all()}
 
     def expected_pixels(self, t_us: int) -> tuple[tuple[int, int], FloatArray] | None:
         """Places in the frame where the vehicles' reports put them, at a time of the video's clock.

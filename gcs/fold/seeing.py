@@ -13,8 +13,6 @@ from gcs.fold.turn import Look, Turn
 from gcs.mission.mission import Mission
 from gcs.snapshot import Event
 from mavlink.fleet.fleet import Fleet
-from mavlink.state import FleetState
-from vision.camera.camera import ground_sampling
 from vision.detect.detections import Detections
 from vision.motion.image_motion import ImageMotion
 from vision.track.parts import JoinedBoxes, PartJoiner
@@ -53,22 +51,6 @@ class SeeingStage:
             text = f"{boxes} boxes in a frame, only the {MAX_BOXES} best count: the detector sees what is not there"
             events, self._crowded = [Event(t_us=t_us, level="warning", kind="video", text=text)], True
         return detections.select(np.sort(np.argsort(-detections.score, kind="stable")[:MAX_BOXES])), events
-
-    def gsd_m(self, view: FrameCamera | None) -> float | None:
-        """Ground metres a pixel in the middle of a frame, None while the camera's pose or height is open."""
-        if view is None or view.ground.is_doubtful_below(float(view.pose.p_enu[2])):
-            return None
-        return ground_sampling(view.intrinsics, view.pose, view.ground_z)
-
-    def reported_px(self, state: FleetState, view: FrameCamera | None) -> dict[int, tuple[float, float, float]]:
-        """Places in a frame that the vehicles report, by system id: x, y and the 1σ of both, px."""
-        if view is None:
-            return {}
-        std_m = np.hypot(view.place_std_m(state.p_enu), np.nan_to_num(state.std_m))
-        away_m = np.linalg.norm(state.p_enu - view.pose.p_enu, axis=1)
-        std_px = dict(zip(state.system_id.tolist(), (std_m / away_m * view.intrinsics.fx).tolist(), strict=True))
-        expected = self._naming.expected_px(state, view) or {}
-        return {i: (*uv, std_px[i]) for i, uv in expected.items() if np.isfinite((*uv, std_px[i])).all()}
 
     def look(
         self, turn: Turn, detections: Detections, motion: ImageMotion | None, before: FrameCamera | None

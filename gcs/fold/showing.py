@@ -51,8 +51,6 @@ class ShowingStage:
 
     def __init__(self, mission: Mission, naming: NamingStage, cameras: FrameCameras) -> None:
         self._mission, self._naming, self._cameras = mission, naming, cameras
-        offset_s = mission.clock.video_offset_s
-        self._offset_s = 0.0 if offset_s == "auto" else float(offset_s)
         self.frame, self.clock_us, self._frame_us = NO_FRAME, 0, 0
         self._candidates = CandidateWords(mission.identity.threshold)
         self._named_since: Since[int, int] = Since()
@@ -130,7 +128,7 @@ class ShowingStage:
             health=with_camera_errors(
                 self._link_rates.with_rates(t_us, health or Health()),
                 naming.identifier,
-                self._offset_s,
+                self._mission.clock.declared_offset_s,
                 looked_share=looked_share,
                 guessed=self._cameras.guessed,
                 differ=naming.exchange.contradictions(self._mission) if naming.exchange else "",

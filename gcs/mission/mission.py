@@ -116,6 +116,11 @@ class Clock:
     video_offset_s: Annotated[float, Meta(ge=-60.0, le=60.0)] | Literal["auto"] = 0.0
     """Video time minus telemetry time; ``auto`` has it estimated."""
 
+    @property
+    def declared_offset_s(self) -> float:
+        """Video time minus telemetry time as far as it is declared, 0 where it is estimated."""
+        return 0.0 if self.video_offset_s == "auto" else float(self.video_offset_s)
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DetectorChoice:

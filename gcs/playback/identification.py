@@ -238,8 +238,8 @@ class _NamedCamera:
         """
         if self.analysis.as_flown or self._last is None:
             return {}
-        health, declared = self._last.health, self.analysis.mission.clock.video_offset_s
-        off_s = health.time_offset_s - (0.0 if declared == "auto" else float(declared))
+        health = self._last.health
+        off_s = health.time_offset_s - self.analysis.mission.clock.declared_offset_s
         known = health.fit > SURE_FIT and health.time_offset_std_s < SURE_S
         offset = {"video_offset_s": health.time_offset_s} if known and abs(off_s) > AGAIN_S else {}
         camera = self.analysis.found_camera

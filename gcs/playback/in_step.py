@@ -93,8 +93,7 @@ class _FoldedCamera:
         """The time of a frame, Unix µs by the offset that the mission declares; past the last: never."""
         if frame >= len(self.analysis.times_us):
             return int(np.iinfo(np.int64).max)
-        offset = self.analysis.mission.clock.video_offset_s
-        return int(self.analysis.times_us[frame]) - round(0.0 if offset == "auto" else 1e6 * float(offset))
+        return int(self.analysis.times_us[frame]) - round(1e6 * self.analysis.mission.clock.declared_offset_s)
 
 
 class InStep:

@@ -166,20 +166,24 @@ def _with_long_doubted(named: list[KnownFrame], length_m: Mapping[tuple[int, int
         named: by the whole flight, or by each track.
         length_m: lengths of boxes, metres, by the frame's time, Unix µs, and track.
     """
-    boxes = [
-        (frame, track, int(np.argmax(p)), length_m[frame.at_us, track])
+    of_each = dict[int, list[float]]()
+    vehicle_of = {
+        (frame.at_us, track): int(np.argmax(p))
         for frame in named
         for track, p in frame.p.items()
         if np.argmax(p) < len(p) - 1 and (frame.at_us, track) in length_m
-    ]
-    of_each = dict[int, list[float]]()
-    for _, _, vehicle, length in boxes:
-        of_each.setdefault(vehicle, []).append(length)
+    }
+    for box, vehicle in vehicle_of.items():
+        of_each.setdefault(vehicle, []).append(length_m[box])
     usual_m = {vehicle: float(np.quantile(lengths, _USUAL)) for vehicle, lengths in of_each.items()}
-    for frame, track, vehicle, length in boxes:
-        if length > LONGER * usual_m[vehicle]:
-            frame.p[track] = limited(frame.p[track], vehicle, -1, RIGHT)
-    return named
+    long = {box for box, vehicle in vehicle_of.items() if length_m[box] > LONGER * usual_m[vehicle]}
+
+    def doubted(box: tuple[int, int], p: FloatArray) -> FloatArray:
+        return limited(p, vehicle_of[box], len(p) - 1, RIGHT) if box in long else p
+
+    return [
+        replace(frame, p={track: doubted((frame.at_us, track), p) for track, p in frame.p.items()}) for frame in named
+    ]
 
 
 def _named_share(p: FloatArray, threshold: float) -> float:
