@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 RESULTS = Path("bench-results")
-"""In the working folder: what was measured and kept in bench/results is never written over."""
+"""Folder of results, in the working folder: what was measured and kept in bench/results is never written over."""
 
 
 def parser_of(suite: str, description: str, quick: str) -> argparse.ArgumentParser:

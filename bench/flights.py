@@ -37,12 +37,12 @@ LINKS = ("udpin:0.0.0.0:14550", "/dev/ttyUSB0")
 NEWS = 20
 """Events of a flood at each look of the monitor."""
 Span = tuple[float, float]
-"""From when to when, seconds since the first frame."""
+"""Begin and end, seconds since the first frame."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Received:
-    """When something of a vehicle was received last that can be believed, Unix µs, 0 never."""
+    """Times at which a heartbeat and a position of a vehicle came last that can be believed, Unix µs, 0 never."""
 
     heartbeat_us: int = 0
     position_us: int = 0
@@ -50,22 +50,22 @@ class Received:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Moment:
-    """What a screen is given, and what is really so."""
+    """Input of a screen at one time, and the truth beside it."""
 
     now_us: int
     snapshot: Snapshot
     events: tuple[Event, ...]
     received: Mapping[int, Received]
-    """By system id; of a second sender of an id nothing."""
+    """Last reception of each vehicle, by system id; a second sender of an id does not count."""
     frame_us: int
-    """When the newest frame was taken, 0 before the first."""
+    """Time at which the newest frame was taken, Unix µs, 0 before the first."""
     named: Mapping[int, str]
     """Standing of each ground vehicle at the newest snapshot, by system id."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class OperatorAct:
-    """What the operator does."""
+    """One act of the operator."""
 
     at_s: float
     kind: str
@@ -79,7 +79,7 @@ class OperatorAct:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FlightScript:
-    """What happens in one flight. Vehicles are 11, 12, … in the order of ``faults``' indices; the last are outside."""
+    """Course of one flight. Vehicles are 11, 12, … in the order of ``faults``' indices; the last are outside."""
 
     name: str
     seconds: float = 24.0
@@ -89,7 +89,7 @@ class FlightScript:
     strangers: int = 1
     ground: Literal["curved", "open"] = "curved"
     names: Mapping[int, str] = field(default_factory=dict)
-    """Of ground vehicles, by system id; ``UGV-<id>`` for the rest."""
+    """Names of ground vehicles, by system id; ``UGV-<id>`` for the rest."""
     seed: int = 7
     faults: tuple[ScenarioFault, ...] = ()
     occlusions: tuple[Occlusion, ...] = ()
@@ -98,7 +98,7 @@ class FlightScript:
     views: tuple[ScenarioView, ...] = ()
     """Further cameras, which nobody operates."""
     no_video_beside: tuple[Span, ...] = ()
-    """When no frame of theirs comes."""
+    """Spans without a frame of the further cameras."""
     events: Span | None = None
     """Links report without end."""
     disk_fails: Span | None = None
@@ -107,7 +107,7 @@ class FlightScript:
 
     @property
     def scenario(self) -> Scenario:
-        """As the simulator takes it."""
+        """The flight as the simulator takes it."""
         return Scenario(
             name=self.name,
             seed=self.seed,
@@ -128,7 +128,7 @@ class FlightScript:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TrueFrame:
-    """What one frame shows."""
+    """Truth of one frame."""
 
     t_us: int
     boxes: NDArray[np.float64]
@@ -136,7 +136,7 @@ class TrueFrame:
     system_id: NDArray[np.int64]
     """(m,) whose each is, 0 nobody's."""
     places: Mapping[int, tuple[float, float]]
-    """Where each vehicle of ours is in the image plane, px, also outside of the frame."""
+    """Place of each vehicle of ours in the image plane, px, also outside of the frame."""
 
     def whose(self, cx: float, cy: float) -> int | None:
         """System id of the box at a place, 0 none of ours, None: no box was found there."""
@@ -147,7 +147,7 @@ class TrueFrame:
         return int(self.system_id[best]) if away[best] < 0.5 else None
 
     def outside_px(self, system_id: int) -> float:
-        """How far a vehicle is outside of the frame, negative inside."""
+        """Distance of a vehicle from the frame, px, negative inside."""
         x, y = self.places[system_id]
         return max(-x, x - CAMERA.width, -y, y - CAMERA.height)
 
@@ -161,9 +161,9 @@ class TrueFlight:
     moments: Sequence[Moment]
     """One a turn of the fold."""
     turns: Sequence[tuple[int, int]]
-    """Of each turn, Unix µs: when it was, and when the frame was taken that came with it, 0 none."""
+    """Times of each turn and of the frame that came with it, Unix µs, 0 none."""
     acted: Sequence[tuple[int, OperatorAct, int]]
-    """When the operator did what, Unix µs, and the track that was meant."""
+    """Acts of the operator: time, Unix µs, act, and the track that was meant."""
     heartbeats: Mapping[int, Sequence[int]]
     """Arrival, Unix µs, of each vehicle's that can be believed, by system id."""
     positions: Mapping[int, Sequence[int]]
@@ -178,7 +178,7 @@ class TrueFlight:
 
     @cached_property
     def scenario(self) -> Scenario:
-        """What was flown."""
+        """The scenario that was flown."""
         return self.script.scenario
 
     @cached_property
@@ -192,7 +192,7 @@ class TrueFlight:
 
     @cached_property
     def tracks(self) -> Mapping[int, Sequence[tuple[int, int | None]]]:
-        """Of each track, every frame in which it was found, Unix µs, and whose box it was then."""
+        """Frames in which each track was found, by track: time, Unix µs, and whose box it was then."""
         found = defaultdict[int, list[tuple[int, int | None]]](list)
         for moment in self.moments:
             if (frame := self.frames.get(moment.snapshot.t_us)) is None:
@@ -208,7 +208,7 @@ class TrueFlight:
         return seen[at - 1][1] if at else None
 
     def seen_later(self, track: int, t_us: int) -> int:
-        """When a track was found next, Unix µs, 0 never."""
+        """Time at which a track was found next, Unix µs, 0 never."""
         return next((seen_us for seen_us, _ in self.tracks.get(track, ()) if seen_us > t_us), 0)
 
     def polls(self) -> Iterator[Moment]:
@@ -224,7 +224,7 @@ class TrueFlight:
         return (t_us - self.scenario.start_us) / S
 
     def name(self, system_id: int) -> str:
-        """Of a vehicle."""
+        """Name of a vehicle."""
         return "none of ours" if not system_id else f"UGV-{system_id}"
 
     def fault_of(self, system_id: int, t_us: int, *, within_s: float = 0.0) -> ScenarioFault | None:
@@ -251,7 +251,7 @@ class TrueFlight:
         )
 
     def silent_s(self, system_id: int, t_us: int, what: str = "") -> float:
-        """How long nothing (``heartbeat``, ``position``) of a vehicle has come that can be believed; inf never."""
+        """Seconds for which nothing (``heartbeat``, ``position``) of a vehicle came that can be believed; inf never."""
         kinds = {"heartbeat": (self.heartbeats,), "position": (self.positions,)}
         last_us = max(
             _last(each.get(system_id, ()), t_us) for each in kinds.get(what, (self.heartbeats, self.positions))
@@ -260,12 +260,12 @@ class TrueFlight:
 
 
 Heard = tuple[Mapping[int, Sequence[int]], Mapping[int, Sequence[int]]]
-"""When heartbeats and positions came, Unix µs, by system id."""
+"""Times at which heartbeats and positions came, Unix µs, by system id."""
 
 
 @dataclass(kw_only=True)
 class _Surroundings:
-    """What is around the fold: a monitor, a screen, and an operator who acts."""
+    """Surroundings of the fold: a monitor, a screen, and an operator who acts."""
 
     script: FlightScript
     acts: list[OperatorAct]
@@ -326,7 +326,7 @@ class _Surroundings:
         self.acted.append((flight.t_us, act, track))
 
     def on_snapshot(self, snapshot: Snapshot) -> None:
-        """What a screen is given now."""
+        """Note the input of a screen."""
         assert self.flight is not None
         now_us = self.flight.t_us
         self.moments.append(
@@ -342,7 +342,7 @@ class _Surroundings:
 
 
 def video_state(now_us: int, frames_us: Sequence[int]) -> str:
-    """What a flight's monitor says of a video of which frames were taken then, at a time less its latency, Unix µs."""
+    """State of a video by a flight's monitor, from a time less its latency and the times of its frames, Unix µs."""
     if not frames_us:
         return "waiting"
     return "stalled" if now_us - frames_us[-1] > stall_after_s(frames_us[-PACE_FRAMES:]) * S else "ok"
@@ -373,13 +373,13 @@ def fly_script(script: FlightScript, folder: Path) -> TrueFlight:
 
 
 def polls_of(script: FlightScript) -> list[Moment]:
-    """What a screen is given at each poll of a flight, whose recording is not kept."""
+    """Inputs of a screen at each poll of a flight, whose recording is not kept."""
     with tempfile.TemporaryDirectory() as folder:
         return list(fly_script(script, Path(folder)).polls())
 
 
 def _fly(script: FlightScript, folder: Path, view: int = 0) -> TrueFlight:
-    """As one camera has it, 0 the first."""
+    """Fly with one camera, 0 the first."""
     scenario, injected = script.scenario, script.injected
     world = World(scenario)
     heartbeats, positions = (defaultdict[int, list[int]](list) for _ in range(2))

@@ -39,7 +39,7 @@ from sim.fleet_process import system_ids
 from tests.support.ports import free_port
 
 ROUNDS = 10_000
-"""Of a film that is sent: for days."""
+"""Rounds of a film that is sent: for days."""
 
 
 class VideoLoop:
@@ -202,7 +202,7 @@ def _costs(samples: Sequence[Mapping[str, float]]) -> list[tuple[str, str]]:
 
 
 def _growth(t: NDArray[np.float64], held: NDArray[np.float64], warm: NDArray[np.bool_]) -> str:
-    """From a tenth of the run on, and over its second half alone: what fills once is full by then."""
+    """Growth from a tenth of the run on, and over its second half alone: what fills once is full by then."""
     first, last = float(np.median(held[warm][:6])), float(np.median(held[-6:]))
     late = t >= 0.5 * t[-1]
     per_hour = float(np.polyfit(t[late] / 3600, held[late], 1)[0]) if late.sum() > 2 else float("nan")

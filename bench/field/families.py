@@ -28,12 +28,12 @@ _ROUND = 100
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Version:
-    """How the k-th kind of session of a family is made, and what the kinds are called."""
+    """Recipe of the k-th kind of session of a family, and the kinds' names."""
 
     make: Make
     labels: Labels
     film: Callable[[int, Scenario, np.random.Generator], Scenario] | None = None
-    """What is seen instead of the flight, from the kind's number and the flight; None: the flight itself."""
+    """Scenario that is seen instead, from the kind's number and the flight; None: the flight itself."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -72,12 +72,12 @@ def film_of(number: int, hard: bool, seed: int) -> Scenario | None:
 
 
 def has_pixels(number: int, hard: bool, seed: int) -> bool:
-    """Whether frames are drawn, for the camera's motion to be seen in them; boxes are modelled all the same."""
+    """True if frames are drawn, for the camera's motion to be seen in them; boxes are modelled all the same."""
     return "pixels" in label_of(number, hard, seed).split(", ")
 
 
 def label_of(number: int, hard: bool, seed: int) -> str:
-    """What kind of session of its family a seed gives."""
+    """Name of the kind of session that a seed gives."""
     version = FAMILIES[number].version(hard)
     return version.labels[_kind(version, seed)]
 

@@ -210,9 +210,9 @@ class Summary:
     ece_all: float
     """Expected calibration error of all answers, "none of ours" among them."""
     wrong_sure_s: float
-    """In all sessions."""
+    """Vehicle-seconds wrong at 0.9 or more, in all sessions."""
     wrong_sure_worst_s: float
-    """In the worst session."""
+    """The same in the worst session."""
     first_median_s: float
     first_p90_s: float
     again_median_s: float

@@ -253,7 +253,7 @@ def corr_gnss_hard(k: int, rng: np.random.Generator) -> Scenario:
 
 
 def attitude_hard(k: int, rng: np.random.Generator) -> Scenario:
-    """As the standard version with three or four vehicles to find the pose by, and the UAV 3 m off."""
+    """The standard version with three or four vehicles to find the pose by, and the UAV 3 m off."""
     return session(
         rng,
         ground=road(k, vehicles=3 if k == 0 else 4),

@@ -21,12 +21,12 @@ from gcs.session.tables import Table
 from gcs.snapshot import Snapshot
 
 MISMATCH = "do not match"
-"""In the text of the alarm that video and telemetry do not belong together."""
+"""Words in the text of the alarm that video and telemetry do not belong together."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ProductRun:
-    """What the product made of a session."""
+    """Result of the product for a session."""
 
     matched: Matched
     """Boxes and their names as a screen would have shown them."""

@@ -37,7 +37,7 @@ def unknown_frame(seq: int, payload: bytes, message_id: int = UNKNOWN_ID, extra:
 
 
 def is_signed(frame: bytes) -> bool:
-    """Whether a signature is at its end."""
+    """True if a signature is at its end."""
     return frame[0] == 0xFD and bool(frame[2] & 1)
 
 

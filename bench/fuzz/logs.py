@@ -310,7 +310,7 @@ class LogScore(FuzzScore):
     found_besides: int = 0
     """Whole frames whose own stamp is gone."""
     stamps_believed: int = 0
-    """Of those, with a stamp a minute or more off that was accepted."""
+    """Records among those with a stamp a minute or more off that was accepted."""
     damaged_bytes: int = 0
     false_bytes: int = 0
     """Undamaged bytes named as damaged."""
@@ -372,7 +372,7 @@ def run_case(case: LogCase) -> LogScore:
 
 
 def compare(case: LogCase, index: TlogIndex) -> LogScore:
-    """What the reader made of a log against what is in it."""
+    """Compare what the reader made of a log with what is in it."""
     whole, partly = case.truth.standing(case.log)
     found = {int(offset): row for row, offset in enumerate(index.offset)}
     score = LogScore(logs=1, whole=len(whole), wrong_counts=int(not _counts_agree(index, case.log.size)))

@@ -170,7 +170,7 @@ READERS: dict[str, Reader] = {
     "session": _session,
     "labels": _labels,
 }
-"""By the folder of good files that each one's are in."""
+"""Readers by the folder of their good files."""
 
 
 @dataclass(slots=True, kw_only=True)

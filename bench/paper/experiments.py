@@ -37,7 +37,7 @@ class Condition:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Count:
-    """What a method got right in a condition. Boxes of labelled frames."""
+    """Boxes of labelled frames that a method got right in a condition."""
 
     experiment: str
     case: str
@@ -46,7 +46,7 @@ class Count:
     sigma_topology: float
     method: str
     frames: int
-    """In all windows."""
+    """Labelled frames of all windows."""
     ours: int
     """Boxes on vehicles of ours."""
     named: int
@@ -55,7 +55,7 @@ class Count:
     false: int
     """Boxes on none of our vehicles."""
     excluded: int
-    """Of these, given no vehicle."""
+    """Boxes among these that were given no vehicle."""
 
     @property
     def precision(self) -> float:

@@ -129,7 +129,7 @@ def tts(window: Window, noise: ConditionNoise) -> MethodAnswer:
 
 
 def tts_one_step(window: Window, noise: ConditionNoise) -> MethodAnswer:
-    """Its first step alone."""
+    """The first step of the method alone."""
     return _plain(associate_by_tts_once(tts_similarity(*_tts_views(window, noise))))
 
 

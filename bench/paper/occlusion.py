@@ -39,7 +39,7 @@ FIRST, SECOND, UNCONFIRMED = 0.8, 0.5, 0.7
 BUFFER = 30
 _PLACE, _SPEED = 1.0 / 20.0, 1.0 / 160.0
 DETECTED = ("cx", "cy", "w", "h", "angle", "score", "heading")
-"""What detections and tracks have in common, in the order of the detector's model."""
+"""Columns that detections and tracks have in common, in the order of the detector's model."""
 _F = np.eye(8) + np.eye(8, k=4)
 
 

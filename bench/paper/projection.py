@@ -71,7 +71,7 @@ class Projection:
     votes: int
     """Future frames in which its error is the least."""
     error_px: float
-    """Its pixel error summed over tracks and future frames."""
+    """Pixel error of the pose, summed over tracks and future frames."""
     hypotheses: int
     """Hypotheses compared."""
     degenerate: int

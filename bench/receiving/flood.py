@@ -27,7 +27,7 @@ from mavlink.tlog.log import Tlog
 from tests.support.ports import free_port
 
 VEHICLES, RATE = 100, 5000.0
-"""And packets a second of all of them."""
+"""Vehicles, and packets a second of all of them."""
 FLOOD_AFTER_S = 2.0
 """The vehicles are known by then."""
 _SETTLE_S = 1.5
@@ -54,7 +54,7 @@ CASES = (
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FloodResult:
-    """What became of it."""
+    """Outcome of a flood."""
 
     sent: int
     logged: int

@@ -53,11 +53,11 @@ class ClaimCase:
 
     name: str
     kinds: tuple[str, ...]
-    """What each of its senders sends: ``valid`` or ``signed`` frames of the system, frames with a wrong checksum
+    """Traffic of each of its senders: ``valid`` or ``signed`` frames of the system, frames with a wrong checksum
     (``bad``), or eight bytes of ``junk``."""
     sources: int = 1
     spoofed: bool = False
-    """Whether the first sends from the vehicle's own address and port."""
+    """True if the first sends from the vehicle's own address and port."""
     keys: bool = False
 
 
@@ -74,10 +74,10 @@ CASES = (
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ClaimResult:
-    """What became of it."""
+    """Outcome of an attack."""
 
     sent: Sequence[int]
-    """By vehicle."""
+    """Packets sent, by vehicle."""
     recorded: Sequence[int]
     flooded: int
     of_it: int
@@ -163,7 +163,7 @@ def _result(session: Path, sent: Sequence[int], flooded: int, began_us: int, flo
 
 
 def faults(case: ClaimCase, r: ClaimResult) -> list[str]:
-    """What must not be, in words; empty where the attack was held."""
+    """Faults in words; empty where the attack was held."""
     mine, kept = r.sent[CLAIMED - 1], r.recorded[CLAIMED - 1]
     told_s = [at_s for at_s, text in r.reported if "flood" in text]
     over_s = [at_s for at_s, text in r.reported if "is over" in text or "whole again" in text]

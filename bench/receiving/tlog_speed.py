@@ -1,4 +1,4 @@
-"""How fast a telemetry log is opened, checked and counted, against pymavlink's own reader, in one run.
+"""Time to open, check and count a telemetry log, against pymavlink's own reader, in one run.
 
     python bench/receiving/tlog_speed.py --messages 1000000
 

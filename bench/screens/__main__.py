@@ -1,4 +1,4 @@
-"""What the screens say, held against what is so: scripted flights at five sizes, every screen checked.
+"""Screens held against the truth: scripted flights at five sizes, every screen checked.
 
     python -m bench.screens
     python -m bench.screens --flights "2 frames/s" --sizes 80x24 --examples 3
@@ -134,7 +134,7 @@ def check_flight(script: FlightScript, sizes: Iterable[Size], every: int, exampl
 
 
 def table(rows: Sequence[Row]) -> str:
-    """By flight, by size and by rule, in Markdown."""
+    """Tables by flight, by size and by rule, in Markdown."""
     return "\n\n".join(_by(rows, column, title) for column, title in ((0, "flight"), (1, "size"), (3, "rule")))
 
 

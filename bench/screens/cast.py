@@ -26,17 +26,17 @@ from bench.screens.station import DOWN, HOME, RECORDING, SPACE, replaying
 from gcs.report.overlay import DARK
 
 CELL = (9, 18)
-"""Of a letter, px."""
+"""Width and height of a letter, px."""
 LETTER_PX = 15
 PAPER, INK = DARK, (206, 213, 225)
 COLOURS = 96
 BEGINS = "video ok"
 """The first picture shows that: it stands for all where nothing moves."""
 LAST_S = 2.0
-"""For which the last frame stands before it starts again."""
+"""Time for which the last frame stands before it starts again, s."""
 BOLD = "1"
 HALVES = {"▀": (0.0, 0.5), "▄": (0.5, 1.0), "█": (0.0, 1.0)}
-"""What of a cell has the colour of the letter."""
+"""Part of a cell that has the colour of the letter, from and to, by letter."""
 BRAILLE: Final = 0x2800
 DOTS: Final = ((0, 0), (0, 1), (0, 2), (1, 0), (1, 1), (1, 2), (0, 3), (1, 3))
 """Column and row of each bit of a letter of Braille, which the map is drawn in and the font lacks."""
@@ -44,7 +44,7 @@ Rgb = tuple[int, int, int]
 
 
 def colour(look: tuple[str, ...], place: str, default: Rgb) -> Rgb:
-    """Of a letter or behind it.
+    """Colour of a letter or behind it.
 
     Example:
         >>> colour(("38;2;1;2;3", "48;5;16"), "38", INK), colour(("48;5;196",), "48", PAPER)
@@ -145,7 +145,7 @@ def record(recording: Path) -> Iterator[tuple[float, str]]:
 
 
 def changes(before: Rows, after: Rows) -> str:
-    """What turns one screen into the next, as a terminal takes it."""
+    """Changes that turn one screen into the next, as a terminal takes them."""
     drawn, look = [], None
     for y, (old, new) in enumerate(zip(before, after, strict=True)):
         changed = [x for x in range(len(new)) if _small(old[x]) != _small(new[x])]

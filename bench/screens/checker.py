@@ -418,7 +418,7 @@ class Checker:
         self._clocks: Clocks = {}
 
     def check(self, screen: Screen, moment: Moment) -> list[Violation]:
-        """What is wrong on a screen."""
+        """Faults of a screen."""
         found = [Violation(rule=rule, what=what) for check in RULES for rule, what in check(screen, moment)]
         clocks = clocks_of(screen)
         for name, shown in clocks.items():
@@ -430,7 +430,7 @@ class Checker:
 
 
 async def check_screens(moments: Sequence[Moment], size: tuple[int, int]) -> tuple[int, list[Violation]]:
-    """How many screens a flight has, and what is wrong on them.
+    """Check the screens of a flight; returns how many there are, and what is wrong on them.
 
     Args:
         moments: of the flight, in order.

@@ -1,4 +1,4 @@
-"""What is on a screen: letters and their colours, read from the terminal's side, and where each pane is."""
+"""Contents of a screen: letters and their colours, read from the terminal's side, and where each pane is."""
 
 from __future__ import annotations
 

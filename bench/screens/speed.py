@@ -1,4 +1,4 @@
-"""How soon a key shows, what the screens cost, and how soon the first picture is there.
+"""Times until a key shows and until the first picture is there, and what the screens cost.
 
     python -m bench.screens.speed
     python -m bench.screens.speed --keys 100 --write bench/results/screens_speed.md
@@ -31,7 +31,7 @@ from tests.support.ports import free_port
 
 WIDE, DENSE = (120, 40), (160, 45)
 KEY_S, CPU_S = 0.4, 15.0
-"""Between two keys, about; for how long the processor is watched."""
+"""Time between two keys, about, and for which the processor is watched, s."""
 FASTER_FPS, FASTER_S = 15, 20.0
 PICKED = re.compile(r"▸(\S+)")
 UP = b"\x1b[A"
@@ -124,7 +124,7 @@ def simulate(folder: Path) -> Path:
 
 
 def table(figures: Figures) -> str:
-    """In Markdown."""
+    """Table of the figures, in Markdown."""
     rows = []
     for case, taken_ms in figures.key_ms.items():
         for name, share, most_ms in (("median", 0.5, 50), ("p99", 0.99, 120)):

@@ -1,1 +1,1 @@
-"""What is said of a flight, in every place where it is said, held against what is so."""
+"""Statements about a flight, in every place where they are made, held against the truth."""

@@ -1,4 +1,4 @@
-"""What is said of a flight, in every place where it is said, held against what is so.
+"""Statements about a flight, in every place where they are made, held against the truth.
 
     python -m bench.statements
     python -m bench.statements --flights "lying by 30 m" --places events screens

@@ -1,4 +1,4 @@
-"""What files and messages say of each box: whose it is, or that it is none of ours, and how surely."""
+"""Claims of files and messages about each box: whose it is, or that it is none of ours, and how surely."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ Found = Iterator[tuple["Claim", str]]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Claim:
-    """What one place says of one box in one frame."""
+    """Claim of one place about one box in one frame."""
 
     where: str
     t_us: int
@@ -35,21 +35,21 @@ class Claim:
     """0: none of ours."""
     name: str = ""
     confidence: float = math.nan
-    """Of the name, or of "none of ours"."""
+    """Probability of the name, or of "none of ours"."""
     stated: bool = False
     may_be: str = ""
-    """Which of ours it may be, and why."""
+    """Vehicle of ours that it may be, and why."""
     doubt: str = ""
-    """What lowered the answer."""
+    """Reason that lowered the answer."""
     place: tuple[float, float] | None = None
-    """Of the box, px, where that is told."""
+    """Centre of the box, px, where that is told."""
 
     def __str__(self) -> str:
         return f"track {self.track_id} is {self.name or 'none of ours'} {self.confidence:.2f}"
 
 
 def _claim(where: str, t_us: int, row: Mapping[str, Any], box: list[float] | None = None) -> Claim:
-    """What is null is not told."""
+    """Claim of a row; what is null is not told."""
     told = {each.name: row[each.name] for each in fields(Claim) if row.get(each.name) is not None}
     return Claim(where=where, t_us=t_us, **told, place=(box[0], box[1]) if box else None)
 
@@ -102,12 +102,12 @@ def check_claims(flown: TrueFlight, claims: Iterable[Claim]) -> Found:
 
 
 def _missing(flown: TrueFlight, whose: int, claim: Claim) -> bool:
-    """Whether a box that is likelier nobody's is that of one who has been silent for long."""
+    """True if a box that is likelier nobody's is that of one who has been silent for long."""
     return bool(whose) and claim.confidence > LIKELIER and flown.silent_s(whose, claim.t_us, "position") > TOLD_S
 
 
 def check_agreement(first: Iterable[Claim], second: Iterable[Claim]) -> Found:
-    """What two places say of one box of one frame is the same."""
+    """Check that two places say the same of one box of one frame."""
     by_box = {(claim.frame, claim.track_id): claim for claim in first}
     for claim in second:
         if not claim.track_id:

@@ -139,7 +139,7 @@ def _nothing(t_us: int, system_id: int) -> Said:
 SCREENS = 40
 """Screens of each flight that are drawn."""
 Found = Iterator[tuple[int, Iterable[tuple[Said | Claim, str]]]]
-"""How many statements were checked, and what is false."""
+"""Number of statements that were checked, and those that are false, with why."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -148,13 +148,13 @@ class Falsehood:
 
     where: str
     at_s: float
-    """Since the first frame."""
+    """Time since the first frame, s."""
     said: str
     true: str
 
 
 def check_beside(flown: TrueFlight, folder: Path) -> Found:
-    """What the screens of each of several cameras tell of the others: who is named there, and their alarms."""
+    """Check what the screens of each of several cameras tell of the others: who is named there, and their alarms."""
     flights = (flown, *flown.beside)
     views = [_view(each) for each in flights]
     for k, here in enumerate(flights if flown.beside else ()):
@@ -177,7 +177,7 @@ def _view(flown: TrueFlight) -> FlightView:
 def _elsewhere(
     shown: Snapshot, flights: Sequence[TrueFlight], views: Sequence[FlightView]
 ) -> Iterator[tuple[Said, str]]:
-    """Who is said to be in another camera's picture is there."""
+    """Check that who is said to be in another camera's picture is there."""
     for row in shown.vehicles:
         for flown, view in zip(flights, views, strict=True):
             frame = flown.frames.get(view.loop.latest.seen_us) if view.loop.latest else None
@@ -207,7 +207,7 @@ def _alarms_beside(
 
 
 def check_flight(flown: TrueFlight, folder: Path, place: str) -> tuple[int, list[Falsehood]]:
-    """How many statements were checked, and which are false.
+    """Check a flight; returns how many statements were checked, and which are false.
 
     Args:
         flown: the flight.
@@ -279,7 +279,7 @@ def _screens(flown: TrueFlight, folder: Path) -> Found:
 
 
 def _calls(flown: TrueFlight) -> RollCall:
-    """As ``gcs fly`` adds it up."""
+    """Roll call as ``gcs fly`` adds it up."""
     mission = open_session(flown.folder).mission
     assert mission is not None
     calls = RollCall(mission)
@@ -313,7 +313,7 @@ def _near(one: object, other: object) -> bool:
 
 
 def _rollcall(flown: TrueFlight, folder: Path) -> Found:
-    """As ``gcs fly`` adds it up, as JSON and as it is printed."""
+    """Roll call as ``gcs fly`` adds it up, as JSON and as it is printed."""
     calls = _calls(flown)
     told = rollcall_json(calls)
     printed = printed_remarks(lambda: print_rollcall(calls))
@@ -365,5 +365,5 @@ PLACES: MappingProxyType[str, Callable[[TrueFlight, Path], Found]] = MappingProx
         "batch page": _batch,
     }
 )
-"""Where something is said; ``turns``: the rows and alarms that screens are drawn from, at every turn of the fold;
+"""Places of statements; ``turns``: the rows and alarms that screens are drawn from, at every turn of the fold;
 ``beside``: what several cameras tell of one another; ``again``: what roll call, replay and report tell alike."""

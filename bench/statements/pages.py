@@ -1,4 +1,4 @@
-"""What is told of a flight when it is over: roll call, report, batch page; each count, silence and remark."""
+"""Pages about a flight that is over: roll call, report, batch page; each count, silence and remark."""
 
 from __future__ import annotations
 
@@ -21,10 +21,10 @@ Tables = Mapping[str, Sequence[Row]]
 Found = Iterator[tuple[Said, str]]
 S = 1_000_000
 IN_VIEW_FRAMES, IN_VIEW_SHARE = 4, 0.1
-"""By which the frames may differ in which a vehicle reported to be in view, and was: by its position's error."""
+"""Frames, and their share, by which being in view by report and by truth may differ: the position's error."""
 UNUSED = ("frozen", "zero", "jump", "drift", "spoof", "copy")
 POSITION_S, KNOWN_M = 1.0, 100.0
-"""By which a silence may differ that is looked at frame by frame; a 1σ that is more than any report's."""
+"""Seconds by which a silence may differ that is looked at frame by frame, and a 1σ, m, above any report's."""
 STOOD = "stood still"
 SILENCES = re.compile(
     rf"(?:(?:; )?(?:(?:no position|its position {STOOD}) for [\d.]+ s|not known whether in view in \d+ frames))+$"
@@ -36,7 +36,7 @@ REMARKS = {
     "all refused": "refused",
     "never heard": "unheard",
 }
-"""What the last column of a roll call says of a vehicle, before its reason and its silence."""
+"""Words of a roll call's last column about a vehicle, before its reason and its silence."""
 
 
 def _tables(page: str) -> Tables:
@@ -185,7 +185,7 @@ def check_batch(flown: TrueFlight, page: str, claims: Sequence[Claim]) -> Found:
 
 
 def _reason(reason: str, name: str, boxes: str) -> str:
-    """What the flight's line says of a vehicle that was not named."""
+    """Reason in the flight's line why a vehicle was not named."""
     about = [words for words in reason.split("; ") if boxes == "0" and re.search(rf"\b{name}\b", words)]
     outcomes = (words.partition(":")[0].partition(" (")[0] for words in about)
     return next((outcome for outcome in outcomes if outcome in REMARKS), "")

@@ -1,4 +1,4 @@
-"""What is drawn: every rule of ``bench.screens``, and the identity pane, each of its facts with its field."""
+"""Statements that are drawn: every rule of ``bench.screens``, and facts of the identity pane, each with its field."""
 
 from __future__ import annotations
 
@@ -107,7 +107,7 @@ def _facts(rows: Sequence[str]) -> tuple[list[tuple[str, str]], int]:
 
 
 def _age(flown: TrueFlight, moment: Moment, system_id: int, name: str, value: str) -> Iterator[str]:
-    """How long ago a heartbeat or a position came, by the pane."""
+    """Age of a heartbeat or a position by the pane."""
     told = re.search(r"\b([\d.]+)s\b", value)
     now_s, then_s = (flown.silent_s(system_id, t_us, name) for t_us in (moment.now_us, moment.snapshot.t_us))
     faulty = name == "position" and flown.fault_of(system_id, moment.snapshot.t_us, within_s=5)

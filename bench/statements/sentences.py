@@ -19,11 +19,11 @@ S = 1_000_000
 SLACK_S = 1.2
 """A turn of the fold, the monitor's half second, a frame that waits for its telemetry, rounding."""
 SILENT_S, LOST_S = 3.4, 3.0
-"""As ``docs/operations.md`` has it, less a tenth: no heartbeat for this long, while positions stop; no position."""
+"""Seconds without a heartbeat, while positions stop, and without a position, by ``docs/operations.md`` less a tenth."""
 HOLD_S = 5.0
 """An alarm may stand for this long after its cause, which has gone for three seconds then."""
 ADRIFT_S, STOPPED_S = 3.0, 0.45
-"""For this long a lie that has ended is still in the fold; least time without a frame that is a stop."""
+"""Time for which a lie that has ended is still in the fold, and least time without a frame that is a stop, s."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -42,7 +42,7 @@ class Said:
 
 Fields = Mapping[str, str]
 Check = Callable[[TrueFlight, Said, Fields, int], str]
-"""What is false, empty where all is so; the last argument: system id of whom a sentence is about."""
+"""Check that gives what is false, empty: nothing; the last argument: system id of whom a sentence is about."""
 FIELDS = {
     "name": r"UAV(?:-\d+)?|UGV-\d+|none of ours",
     "other": r"UAV|UGV-\d+",
@@ -338,7 +338,7 @@ def match_sentence(text: str) -> tuple[Check, Fields] | None:
 
 
 def check_sentence(flown: TrueFlight, said: Said) -> Iterator[str]:
-    """What is false about a sentence."""
+    """Fault of a sentence."""
     if said.text in (act.text for t_us, act, _ in flown.acted if act.kind == "mark" and abs(t_us - said.t_us) < S):
         return
     found = match_sentence(said.text)

@@ -118,13 +118,13 @@ class InjectedFaults:
     late_stamp_s: float = 0.0
     """Delay of the frames' time stamps after their exposure."""
     step: tuple[float, float] | None = None
-    """When the wall clock is set, and by how much, seconds."""
+    """Time at which the wall clock is set, and by how much, seconds."""
     second_link_s: float = 0.0
     """Delay of a second link that repeats all telemetry."""
     impostor: tuple[float, float] | None = None
     """A second sender uses the first ground vehicle's id."""
     resized_s: float | None = None
-    """From this time on frames have half the size."""
+    """Time from which on frames have half the size."""
     killed_s: tuple[float, ...] = ()
     """The receiving process is killed and replaced."""
     ring_bytes: int = 1 << 20
@@ -205,7 +205,7 @@ class ScriptedFlight:
     ) -> None:
         self.scenario, self.faults, self.start_us = scenario, faults, scenario.start_us
         self.packets = self.packet_us = 0
-        """How many were received, and the true time of the last."""
+        """Number of packets received, and the true time of the last, Unix µs."""
         self.t_us = self.start_us + round(TELEMETRY_FROM_S * S)
         """True time."""
         self.view = view
@@ -356,7 +356,7 @@ def within(span: tuple[float, float] | None, since_us: float) -> bool:
 
 
 def _worlds(scenario: Scenario, faults: InjectedFaults) -> list[tuple[World, float, float]]:
-    """Who is there, from when to when, s; after a restart everything begins again."""
+    """Worlds with their begin and end, s; after a restart everything begins again."""
     if faults.restart is None:
         return [(World(scenario), TELEMETRY_FROM_S, scenario.duration_s)]
     off_s, on_s = faults.restart
