@@ -28,6 +28,10 @@ if TYPE_CHECKING:
 
 LONGEST_US = 86_400_000_000
 """A flight is not this long without a packet or a frame."""
+_SIZELESS = (
+    "how large the frames were is not recorded, and no mission describes the camera: nothing is named unless the UAV "
+    "reports its camera's resolution; give --frame-size WIDTHxHEIGHT"
+)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -156,6 +160,8 @@ def _frame_size(
                 f"{session.path}: boxes lie at {x:.0f},{y:.0f} px, outside frames of {size[0]}×{size[1]}"
             )
         return FrameSize(size=size)
-    if recorded or boxes is None or not session.notes.flown:
+    if recorded or boxes is None:
         return FrameSize()
+    if not session.notes.flown:
+        return FrameSize() if camera is not None else FrameSize(doubt=_SIZELESS)
     return fitting_size(mission, log, times_us, boxes)

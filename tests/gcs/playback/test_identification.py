@@ -176,3 +176,13 @@ def test_a_saved_mission_gives_the_same_names_byte_for_byte(camera, seconds, tmp
     assert named.named > 3
     for name in ("identity.csv", "identity.jsonl"):
         assert (tmp_path / "own" / name).read_bytes() == (tmp_path / "saved" / name).read_bytes()
+
+
+def test_frames_of_unknown_size_are_told_where_nothing_describes_the_camera(tmp_path):
+    scenario = replace(nominal(), duration_s=2.0, declared=ScenarioDeclared(camera=False))
+    write_session(scenario, tmp_path / "flight")
+    size, notes = (scenario.camera.width, scenario.camera.height), list[str]()
+    identify_session(open_session(tmp_path / "flight"), tmp_path / "out", note=notes.append)
+    assert sum("give --frame-size" in note for note in notes) == 1
+    identify_session(open_session(tmp_path / "flight", frame_size=size), tmp_path / "sized", note=notes.append)
+    assert sum("give --frame-size" in note for note in notes) == 1
