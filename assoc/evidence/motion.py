@@ -57,6 +57,10 @@ _PARTS = 500
 """New samples are appended as separate parts; beyond this number the parts are concatenated."""
 _STANDS_MPS = 0.5
 """Speed up to which a vehicle may as well stand, m/s."""
+_PAST_S = 0.3
+"""A place longer ago than this is interpolated, seconds: a vehicle that turned did not come as it drives now."""
+_LONG_S = 1e6
+"""No flight is as long, seconds."""
 _STEP_S = 0.15
 """Reports of one vehicle within this time, seconds, are one sample."""
 _WHITE_VAR = WHITE_STD_M**2
@@ -226,7 +230,7 @@ class ReportLog:
         return replace(chosen, jump_var=chosen.jump_var[:, white])
 
     def extrapolated(self, t: float, longest_s: float = 3.0) -> tuple[FloatArray, FloatArray]:
-        """Newest positions extrapolated with their velocity.
+        """Positions at a time: between reports if it has long been reported, else extrapolated from the newest one.
 
         Args:
             t: Wanted time, seconds.
@@ -239,9 +243,24 @@ class ReportLog:
         age = t - self.last_t
         step = np.clip(age, -longest_s, longest_s)
         step[~np.isfinite(step)] = 0.0
-        return self.last_p + np.where(np.isfinite(self.last_v), self.last_v, 0.0) * step[:, None], np.where(
-            np.isfinite(self.rejected_since) | self.too_uncertain, np.inf, age
-        )
+        p = self.last_p + np.where(np.isfinite(self.last_v), self.last_v, 0.0) * step[:, None]
+        if len(past := np.flatnonzero(age < -_PAST_S)):
+            between, known = self._interpolated(t, past)
+            p[past[known]] = between[known]
+        return p, np.where(np.isfinite(self.rejected_since) | self.too_uncertain, np.inf, age)
+
+    def _interpolated(self, t: float, vehicle: IntArray) -> tuple[FloatArray, BoolArray]:
+        """Places (k, 2) of some vehicles at a time, metres, between two samples, and which have two."""
+        kept = self._all()
+        order = np.lexsort((kept.t, kept.vehicle))
+        near = kept.vehicle[order] + (kept.t[order] - t) / _LONG_S
+        after = np.minimum(np.searchsorted(near, vehicle), len(order) - 1)
+        before = np.maximum(after - 1, 0)
+        a, b = order[before], order[after]
+        known = (kept.vehicle[a] == vehicle) & (kept.vehicle[b] == vehicle) & (kept.t[a] <= t) & (t <= kept.t[b])
+        step = np.where(known, kept.t[b] - kept.t[a], 1.0)
+        share = np.where(known, (t - kept.t[a]) / np.maximum(step, _SAME_TIME_S), 0.0)[:, None]
+        return (1.0 - share) * kept.p[a] + share * kept.p[b], np.asarray(known)
 
     @property
     def moves(self) -> BoolArray:

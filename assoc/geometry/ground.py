@@ -9,13 +9,14 @@ positions are beyond their time stamps.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from assoc.history import TrackHistory
+from assoc.records import CameraState
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -75,8 +76,13 @@ def _rotations_at(history: TrackHistory, rows: slice, delta_s: float) -> FloatAr
     """
     if delta_s == 0.0 or (history.of_image_time and abs(delta_s) < _SAME_TIME_S):
         return history.R[rows]
+    return _interpolated_rotations(history, history.t[rows] - delta_s)
+
+
+def _interpolated_rotations(history: TrackHistory, t: FloatArray) -> FloatArray:
+    """(F, 3, 3) camera rotations by the reports at times (F,)."""
     R = history.R_reported if history.of_image_time else history.R
-    k, w = _interpolation(history.t[: history.n], history.t[rows] - delta_s)
+    k, w = _interpolation(history.t[: history.n], t)
     after = np.minimum(k + 1, history.n - 1)
     return np.asarray(R[k] * (1.0 - w)[:, None, None] + R[after] * w[:, None, None])
 
@@ -89,16 +95,39 @@ def _positions_at(history: TrackHistory, rows: slice, late_s: float) -> FloatArr
     """
     if late_s == 0.0:
         return history.p[rows]
+    p, on, beyond_s = _flown_to(history, history.t[rows] + late_s)
+    far = np.where(beyond_s > 0.0, np.hypot(on[:, 0], on[:, 1]), -beyond_s * history.speed_mps)
+    unknown = ((beyond_s > _AHEAD_S) | (beyond_s < -_SAME_TIME_S)) & (far > _AHEAD_M)
+    return np.where(unknown[:, None], np.nan, p + on)
+
+
+def _flown_to(history: TrackHistory, t: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Camera positions (F, 3) by the reports at times (F,), how far it flies on from there (F, 3), metres, and for how
+    long, (F,) seconds: before the first report, < 0, and beyond the last."""
     times = history.t[: history.n]
-    t = history.t[rows] + late_s
     k, w = _interpolation(times, np.clip(t, times[0], times[-1]))
     after = np.minimum(k + 1, history.n - 1)
     p = history.p[k] * (1.0 - w)[:, None] + history.p[after] * w[:, None]
     beyond_s = np.minimum(t - times[0], 0.0) + np.maximum(t - times[-1], 0.0)
-    on = beyond_s[:, None] * history.v[np.where(beyond_s > 0.0, history.n - 1, k)]
-    far = np.where(beyond_s > 0.0, np.hypot(on[:, 0], on[:, 1]), -beyond_s * history.speed_mps)
-    unknown = ((beyond_s > _AHEAD_S) | (beyond_s < -_SAME_TIME_S)) & (far > _AHEAD_M)
-    return np.where(unknown[:, None], np.nan, p + on)
+    return p, beyond_s[:, None] * history.v[np.where(beyond_s > 0.0, history.n - 1, k)], beyond_s
+
+
+def camera_at_frame(history: TrackHistory, t: float, camera: CameraState, theta: FloatArray) -> CameraState:
+    """The camera of a frame at the moment at which it was taken, by clocks that δ and λ correct.
+
+    Args:
+        history: Frames up to it.
+        t: Its time by the declared offset of the clocks, seconds.
+        camera: As reported for that time.
+        theta: (9,) correction; the rest of it is left out.
+    """
+    delta_s, late_s = float(theta[OFFSET]), float(theta[LAG] - theta[OFFSET])
+    if not history.n or not np.isfinite(camera.p_enu).all():
+        return camera
+    p, on, _ = _flown_to(history, np.array([t + late_s])) if late_s else (camera.p_enu[None], 0.0, 0.0)
+    if delta_s == 0.0 or (history.of_image_time and abs(delta_s) < _SAME_TIME_S):
+        return replace(camera, p_enu=(p + on)[0])
+    return replace(camera, p_enu=(p + on)[0], R_enu_cam=_interpolated_rotations(history, np.array([t - delta_s]))[0])
 
 
 def _level_right(R: FloatArray) -> tuple[FloatArray, FloatArray]:

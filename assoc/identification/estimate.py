@@ -18,7 +18,7 @@ from assoc.evidence.likelihood import (
 )
 from assoc.evidence.motion import ReportLog
 from assoc.geometry.expected_view import chance_in_view
-from assoc.geometry.ground import EAST, HEIGHT, LAG, OFFSET, THETA, rays_to_ground
+from assoc.geometry.ground import EAST, HEIGHT, LAG, OFFSET, THETA, camera_at_frame, rays_to_ground
 from assoc.geometry.sway import FAST_MPS, FREE_TURNS, TURNS, Sway, wander_in_flight, wander_of
 from assoc.history import TrackHistory
 from assoc.hypotheses.bias_memory import BiasMemory, learn_bias_noise
@@ -350,6 +350,10 @@ class Estimator:
         """Reported places of the vehicles at a time, (n, 2) metres, and ages of the reports, (n,) seconds."""
         now = t - self.time_offset_s
         return self._log.extrapolated(now)[0], now - self._log.last_t
+
+    def camera_at_frame(self, t: float, camera: CameraState) -> CameraState:
+        """The camera at the moment at which the frame of a time was taken, by the clocks as they are estimated."""
+        return camera_at_frame(self._history, t, camera, self.theta)
 
     def places(self, observation: Observation, camera: CameraState) -> FloatArray:
         """Places of a frame's boxes under the correction, (m, 2) east and north, metres."""

@@ -176,6 +176,7 @@ class Identifier:
         self._estimator.unlooked_s = np.array([unlooked_s.get(i, 0.0) for i in self._ids.tolist()])
         if t > self._t:
             self._add_frame(t, observation, camera)
+        camera = self._estimator.camera_at_frame(t, camera)
         beliefs = self._beliefs.for_tracks(observation.track_id)
         stated = self._stated.among(observation.track_id)
         p = self._common_boxes.limited(t, observation, beliefs.p, stated)
@@ -282,7 +283,9 @@ class Identifier:
         p = self._beliefs.for_tracks(track_id).p[:, :-1]
         sure = np.max(p, axis=1, initial=0.0) > self._params.stitch_confidence
         vehicle = np.where(sure, np.argmax(p, axis=1) if p.shape[1] else -1, -1)
-        place, variance = self._estimator.predicted((t_us - self._origin_us) / 1e6)
+        t = (t_us - self._origin_us) / 1e6
+        place, variance = self._estimator.predicted(t)
+        usable = self._estimator.camera_at_frame(t, usable)
         ground = rays_to_ground(ray_cam, usable.R_enu_cam, usable.p_enu, usable.ground_z, self._estimator.theta)
         return reattach_gated(place, variance, vehicle, ground)
 
@@ -308,7 +311,7 @@ class Identifier:
         if t - self._last_update_s < self._interval_s(t, len(begun) > 0) - _ROUNDING_S:
             return
         self._last_update_s = t
-        result = self._estimator.update(t, usable)
+        result = self._estimator.update(t, self._estimator.camera_at_frame(t, usable))
         if self._estimator.gross.mirror_found:
             self._exchange_sides()
         elif self._estimator.fits_otherwise:

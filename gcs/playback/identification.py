@@ -197,6 +197,8 @@ class _NamedCamera:
         self._hindsight = not analysis.as_flown if hindsight is None else hindsight
         self.calls, self.notes, self.done = RollCall(analysis.mission), list(analysis.warnings), 0
         self._last: Snapshot | None = None
+        self._offset_s = math.nan
+        """The video's offset when it was last surely known."""
 
     def identify(self) -> Generator[int, None, None]:
         """Name all frames; yields the time of the first before, and then that of each."""
@@ -216,6 +218,9 @@ class _NamedCamera:
                 calls.add_boxes(last)
                 blind |= last.pose == "no attitude"
                 self._last = last
+                health = last.health
+                if health.fit > SURE_FIT and health.time_offset_std_s < SURE_S:
+                    self._offset_s = health.time_offset_s
                 yield last.t_us
         if self._last is None:
             raise SessionError(f"{analysis.opened.session.path}: not one frame in it")
@@ -238,10 +243,8 @@ class _NamedCamera:
         """
         if self.analysis.as_flown or self._last is None:
             return {}
-        health = self._last.health
-        off_s = health.time_offset_s - self.analysis.mission.clock.declared_offset_s
-        known = health.fit > SURE_FIT and health.time_offset_std_s < SURE_S
-        offset = {"video_offset_s": health.time_offset_s} if known and abs(off_s) > AGAIN_S else {}
+        off_s = self._offset_s - self.analysis.mission.clock.declared_offset_s
+        offset = {"video_offset_s": self._offset_s} if abs(off_s) > AGAIN_S else {}
         camera = self.analysis.found_camera
         return offset if camera is None else {**offset, "camera": camera}
 

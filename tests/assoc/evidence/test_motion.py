@@ -89,6 +89,19 @@ def test_extrapolation_moves_on_with_the_velocity():
     assert np.isnan(p[3]).all() and np.isinf(age[3])
 
 
+@pytest.mark.parametrize("ago_s", [0.1, 2.0, 6.0])
+def test_where_a_vehicle_was_lies_between_its_reports(ago_s):
+    t, r = drive(0.0)
+    log = ReportLog(4, 20.0)
+    log.add(t, r)
+    then = float(t.max()) - ago_s
+    p, age = log.extrapolated(then)
+    there = np.stack([4.0 * then + np.zeros(3), 10.0 * np.sin(0.3 * then + np.arange(3)) + 8.0 * np.arange(3)], axis=1)
+    np.testing.assert_allclose(p[:3], there, atol=0.05)
+    np.testing.assert_allclose(age[:3], -ago_s)
+    assert np.isnan(p[3]).all()
+
+
 def test_reports_in_small_batches_are_the_same_reports():
     t, r = drive(0.5)
     whole, parts = ReportLog(3, 20.0), ReportLog(3, 20.0)

@@ -1,7 +1,9 @@
 """Identification as programs call it: files and a roll call, and not a word printed."""
 
+import json
 import math
 from dataclasses import replace
+from statistics import median
 
 import pytest
 
@@ -10,10 +12,10 @@ from gcs.mission.mission import load_mission
 from gcs.mission.written import save_mission
 from gcs.playback.identification import identify_session
 from gcs.report.score import score_files
-from gcs.session.event_log import VIDEO_AWAITED, append_event
+from gcs.session.event_log import VIDEO_AWAITED, append_event, read_events
 from gcs.session.session import open_session
 from gcs.snapshot import Event
-from infra.session_format import EVENTS
+from infra.session_format import EVENTS, IDENTITY_EVIDENCE
 from sim.session import write_session
 from sim.world.presets import nominal
 from sim.world.scenario import Scenario, ScenarioDeclared
@@ -103,6 +105,21 @@ def test_a_film_dated_seconds_wrong_is_named_from_its_first_second_on(tmp_path, 
     assert not any("do not match" in text for text in notes), "what the first look said does not hold"
     score = score_files(flown / "truth.csv", tmp_path / "out" / "identity.csv")
     assert score.right > 0.95 and score.precision > 0.99
+
+
+@pytest.mark.slow
+def test_places_are_compared_at_the_time_of_a_film_that_is_late(tmp_path):
+    scenario = Scenario(seed=5, duration_s=22.0, fps=5.0)
+    timing = replace(scenario.timing, video_offset_s=4.0, declared_offset="zero")
+    write_session(replace(scenario, timing=timing), tmp_path / "flown")
+    identify_session(open_session(tmp_path / "flown"), tmp_path / "out", hindsight=False)
+    events, _ = read_events(tmp_path / "out" / "events.jsonl")
+    (found_us,) = {event.t_us for event in events if "the video's clock differs" in event.text}
+    accused = [event for event in events if "contradicts" in event.text and event.level == "alarm"]
+    assert not [event for event in accused if event.t_us > found_us - 8_000_000]
+    rows = map(json.loads, (tmp_path / "out" / IDENTITY_EVIDENCE).read_text().splitlines())
+    away_m = [row["residual_m"] for row in rows if row["time_us"] > found_us and row["system_id"]]
+    assert len(away_m) > 50 and median(away_m) < 2.0
 
 
 def test_of_telemetry_alone_it_is_told_what_is_missing(tmp_path):
