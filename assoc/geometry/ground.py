@@ -113,7 +113,7 @@ def _flown_to(history: TrackHistory, t: FloatArray) -> tuple[FloatArray, FloatAr
 
 
 def camera_at_frame(history: TrackHistory, t: float, camera: CameraState, theta: FloatArray) -> CameraState:
-    """The camera of a frame at the moment at which it was taken, by clocks that δ and λ correct.
+    """The camera of a frame as it is reported for the moment at which that was taken, by clocks that δ corrects.
 
     Args:
         history: Frames up to it.
@@ -121,11 +121,11 @@ def camera_at_frame(history: TrackHistory, t: float, camera: CameraState, theta:
         camera: As reported for that time.
         theta: (9,) correction; the rest of it is left out.
     """
-    delta_s, late_s = float(theta[OFFSET]), float(theta[LAG] - theta[OFFSET])
-    if not history.n or not np.isfinite(camera.p_enu).all():
+    delta_s = float(theta[OFFSET])
+    if delta_s == 0.0 or not history.n or not np.isfinite(camera.p_enu).all():
         return camera
-    p, on, _ = _flown_to(history, np.array([t + late_s])) if late_s else (camera.p_enu[None], 0.0, 0.0)
-    if delta_s == 0.0 or (history.of_image_time and abs(delta_s) < _SAME_TIME_S):
+    p, on, _ = _flown_to(history, np.array([t - delta_s]))
+    if history.of_image_time and abs(delta_s) < _SAME_TIME_S:
         return replace(camera, p_enu=(p + on)[0])
     return replace(camera, p_enu=(p + on)[0], R_enu_cam=_interpolated_rotations(history, np.array([t - delta_s]))[0])
 

@@ -21,6 +21,7 @@ from assoc.geometry.expected_view import chance_in_view
 from assoc.geometry.ground import EAST, HEIGHT, LAG, OFFSET, THETA, camera_at_frame, rays_to_ground
 from assoc.geometry.sway import FAST_MPS, FREE_TURNS, TURNS, Sway, wander_in_flight, wander_of
 from assoc.history import TrackHistory
+from assoc.hypotheses.aim import aimed
 from assoc.hypotheses.bias_memory import BiasMemory, learn_bias_noise
 from assoc.hypotheses.labels import mixed_marginals, posterior_weights
 from assoc.hypotheses.place_alone import StrangerLimit, limit_by_place, log_odds_among_strangers
@@ -467,6 +468,7 @@ class Estimator:
         else:
             starts = self._starts(context, not camera.attitude_known)
             starts += self.gross.starts(context.prior, self.fit, at_once=not self._is_large(context))
+            starts += [] if self.fit.clear else aimed(context, self.theta)
             found = [refine(self._as_remembered(context, theta), theta) for theta in starts]
             found = self._expected(found, context)
             if shifted := self._shifted(context, found[0]):

@@ -30,6 +30,7 @@ from scipy.special import expit, gammaln
 from assoc.evidence.blocks import Blocks
 from assoc.evidence.likelihood import PLACE_TAU_S, Noise, bound_variance, initial_state, place_ratio, run_filter
 from assoc.geometry.ground import OFFSET, THETA
+from assoc.hypotheses.aim import aimed
 from assoc.hypotheses.pose import is_gross
 from assoc.hypotheses.search import Hypothesis, UpdateContext, refine
 from assoc.hypotheses.sway_fit import fit_sway
@@ -200,7 +201,8 @@ def decoy_evidence(context: UpdateContext, number: int) -> FitEvidence:
     rank = np.argsort(np.argsort(np.hypot(*(place - centre).T), kind="stable"), kind="stable")
     angle = _GOLDEN_ANGLE * (1.0 + rank + log.n_vehicles * number)
     decoy = context.without_memory().with_reports(log.turned(centre, angle))
-    found = refine(decoy, np.zeros(THETA))
+    starts = [np.zeros(THETA), *aimed(decoy, np.zeros(THETA))]
+    found = max((refine(decoy, start) for start in starts), key=lambda hypothesis: hypothesis.value)
     fitted = None if context.sway is None else fit_sway(decoy, found, context.sway.prior)
     if fitted is None:
         return evidence_of(decoy, found)

@@ -128,14 +128,12 @@ def test_where_the_camera_was_before_its_first_report_or_will_be_is_not_guessed(
     assert np.isfinite(before.jacobian[25:]).all()
 
 
-@pytest.mark.parametrize(("offset_s", "lag_s"), [(0.0, 0.0), (2.0, 0.0), (0.0, 0.5), (1.0, 0.5), (0.05, 0.2)])
-def test_the_camera_of_a_frame_is_dated_by_the_clocks_that_were_found(offset_s, lag_s):
+@pytest.mark.parametrize("offset_s", [0.0, 0.05, 2.0, -0.3])
+def test_the_camera_of_a_frame_is_dated_by_the_clock_that_was_found(offset_s):
     kept, _ = history(yaw_rate=0.1)
     theta, t = np.zeros(THETA), 2.5
-    theta[OFFSET], theta[LAG] = offset_s, lag_s
+    theta[OFFSET] = offset_s
     reported = camera(p=(1.5 * t, -t, 40.0 + 0.2 * t), yaw=0.1 * t)
-    found = camera_at_frame(kept, t, reported, theta)
-    there_s = t + lag_s - offset_s
-    # the last frame is of 2.9 s
+    found, there_s = camera_at_frame(kept, t, reported, theta), t - offset_s
     np.testing.assert_allclose(found.p_enu, (1.5 * there_s, -there_s, 40.0 + 0.2 * there_s), atol=0.12)
-    np.testing.assert_allclose(found.R_enu_cam, camera(yaw=0.1 * (t - offset_s)).R_enu_cam, atol=1e-3)
+    np.testing.assert_allclose(found.R_enu_cam, camera(yaw=0.1 * there_s).R_enu_cam, atol=1e-3)

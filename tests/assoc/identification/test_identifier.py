@@ -76,6 +76,22 @@ def test_wrong_pose_is_corrected(told):
     assert np.all(said(answers, 2.0) == IDS)
 
 
+def from_afar(down_deg, yaw_deg):
+    """A camera 450 m south of the fleet and 47 m up."""
+    down, yaw = np.deg2rad([down_deg, yaw_deg])
+    forward = np.array([np.sin(yaw) * np.cos(down), np.cos(yaw) * np.cos(down), -np.sin(down)])
+    right = np.array([np.cos(yaw), -np.sin(yaw), 0.0])
+    R = np.stack([right, np.cross(forward, right), forward], axis=1)
+    return replace(camera(p=(0.0, -450.0, 47.0)), R_enu_cam=R)
+
+
+@pytest.mark.slow_but_first
+@pytest.mark.parametrize(("down_deg", "yaw_deg"), [(6.8, 3.0), (5.0, -4.0)])
+def test_a_camera_that_looks_far_may_be_tilted(down_deg, yaw_deg):
+    answers = play(Identifier(IDS), Fleet(), 5.0, told=from_afar(down_deg, yaw_deg), true=from_afar(6.0, 0.0))
+    assert np.all(said(answers, 3.0) == IDS)
+
+
 def test_compass_error_is_found():
     identifier = Identifier(IDS)
     play(identifier, Fleet(bias_m=0.1), 8.0, told=camera(yaw=0.2), true=camera())
