@@ -112,16 +112,15 @@ def _flown_to(history: TrackHistory, t: FloatArray) -> tuple[FloatArray, FloatAr
     return p, beyond_s[:, None] * history.v[np.where(beyond_s > 0.0, history.n - 1, k)], beyond_s
 
 
-def camera_at_frame(history: TrackHistory, t: float, camera: CameraState, theta: FloatArray) -> CameraState:
-    """The camera of a frame as it is reported for the moment at which that was taken, by clocks that δ corrects.
+def camera_at_frame(history: TrackHistory, t: float, camera: CameraState, delta_s: float) -> CameraState:
+    """The camera of a frame as it is reported for the moment at which that was taken.
 
     Args:
         history: Frames up to it.
         t: Its time by the declared offset of the clocks, seconds.
         camera: As reported for that time.
-        theta: (9,) correction; the rest of it is left out.
+        delta_s: δ.
     """
-    delta_s = float(theta[OFFSET])
     if delta_s == 0.0 or not history.n or not np.isfinite(camera.p_enu).all():
         return camera
     p, on, _ = _flown_to(history, np.array([t - delta_s]))
@@ -189,6 +188,11 @@ def _points(
 def _yaw(history: TrackHistory, rows: slice, theta: FloatArray) -> FloatArray:
     """(F,) correction of the heading at each frame."""
     return np.asarray(theta[YAW] + theta[YAW_RATE] * (history.t[rows] - history.t[history.n - 1]))
+
+
+def bearing_and_depression(d: FloatArray) -> FloatArray:
+    """(k, 2) clockwise from north and below the horizon, radians, of directions (k, 3) east, north, up."""
+    return np.column_stack([np.arctan2(d[:, 0], d[:, 1]), np.arctan2(-d[:, 2], np.hypot(d[:, 0], d[:, 1]))])
 
 
 def ground_tracks(

@@ -353,8 +353,8 @@ class Estimator:
         return self._log.extrapolated(now)[0], now - self._log.last_t
 
     def camera_at_frame(self, t: float, camera: CameraState) -> CameraState:
-        """The camera at the moment at which the frame of a time was taken, by the clocks as they are estimated."""
-        return camera_at_frame(self._history, t, camera, self.theta)
+        """The camera when the frame of a time was taken, by the offset of the clocks that was found."""
+        return camera_at_frame(self._history, t, camera, self.time_offset_s)
 
     def places(self, observation: Observation, camera: CameraState) -> FloatArray:
         """Places of a frame's boxes under the correction, (m, 2) east and north, metres."""
@@ -468,7 +468,8 @@ class Estimator:
         else:
             starts = self._starts(context, not camera.attitude_known)
             starts += self.gross.starts(context.prior, self.fit, at_once=not self._is_large(context))
-            starts += [] if self.fit.clear else aimed(context, self.theta)
+            if not self.fit.clear:
+                starts += aimed(context, self.time_offset_s)[: 1 if self._is_large(context) else None]
             found = [refine(self._as_remembered(context, theta), theta) for theta in starts]
             found = self._expected(found, context)
             if shifted := self._shifted(context, found[0]):

@@ -201,7 +201,7 @@ def decoy_evidence(context: UpdateContext, number: int) -> FitEvidence:
     rank = np.argsort(np.argsort(np.hypot(*(place - centre).T), kind="stable"), kind="stable")
     angle = _GOLDEN_ANGLE * (1.0 + rank + log.n_vehicles * number)
     decoy = context.without_memory().with_reports(log.turned(centre, angle))
-    starts = [np.zeros(THETA), *aimed(decoy, np.zeros(THETA))]
+    starts = [np.zeros(THETA), *aimed(decoy, 0.0)]
     found = max((refine(decoy, start) for start in starts), key=lambda hypothesis: hypothesis.value)
     fitted = None if context.sway is None else fit_sway(decoy, found, context.sway.prior)
     if fitted is None:

@@ -24,6 +24,7 @@ from numpy.typing import NDArray
 from scipy.special import expit, logsumexp
 
 from assoc.evidence.motion import ReportLog
+from assoc.geometry.ground import bearing_and_depression
 from assoc.hypotheses.marginals import loopy_marginals
 from assoc.identification.fleet_fit import log_assignments, unproven, weighed
 from assoc.params import MANY_PAIRS, IdentifierParams
@@ -131,11 +132,6 @@ class _Expected:
     """(2,) 1σ of c, radians: half the view's width; how far depressions of the vehicles differ."""
 
 
-def _angles(d: FloatArray) -> FloatArray:
-    """(k, 2) clockwise from north and below the horizon, radians, of directions (k, 3) east, north, up."""
-    return np.column_stack([np.arctan2(d[:, 0], d[:, 1]), np.arctan2(-d[:, 2], np.hypot(d[:, 0], d[:, 1]))])
-
-
 class NearHorizon:
     """The comparisons of the tracks so far."""
 
@@ -220,7 +216,7 @@ class NearHorizon:
         extent = np.full((len(seen), 2), camera.px_rad)
         if observation.extent_rad is not None:
             extent = observation.extent_rad[seen]
-        angle = _angles(observation.ray_cam[seen] @ camera.R_enu_cam.T)
+        angle = bearing_and_depression(observation.ray_cam[seen] @ camera.R_enu_cam.T)
         self._pairs = _filtered(pairs, at, dt, angle, extent, camera.px_rad, expected)
 
 
@@ -229,7 +225,7 @@ def _expected(t: float, camera: CameraState, log: ReportLog) -> _Expected:
     p, age = log.extrapolated(t, _OLDEST_S)
     to = np.column_stack([p, np.full(len(p), camera.ground_z)]) - camera.p_enu
     away = np.maximum(np.nan_to_num(np.hypot(to[:, 0], to[:, 1])), _MIN_RANGE_M)
-    angle = np.where((np.abs(age) <= _OLDEST_S)[:, None], _angles(to), np.nan)
+    angle = np.where((np.abs(age) <= _OLDEST_S)[:, None], bearing_and_depression(to), np.nan)
     drift = _APART_MPS / away
     height = max(float(camera.p_enu[2]) - camera.ground_z, 0.0)
     ahead = camera.R_enu_cam[:, 2]

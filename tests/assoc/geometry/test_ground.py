@@ -131,9 +131,8 @@ def test_where_the_camera_was_before_its_first_report_or_will_be_is_not_guessed(
 @pytest.mark.parametrize("offset_s", [0.0, 0.05, 2.0, -0.3])
 def test_the_camera_of_a_frame_is_dated_by_the_clock_that_was_found(offset_s):
     kept, _ = history(yaw_rate=0.1)
-    theta, t = np.zeros(THETA), 2.5
-    theta[OFFSET] = offset_s
+    t = 2.5
     reported = camera(p=(1.5 * t, -t, 40.0 + 0.2 * t), yaw=0.1 * t)
-    found, there_s = camera_at_frame(kept, t, reported, theta), t - offset_s
+    found, there_s = camera_at_frame(kept, t, reported, offset_s), t - offset_s
     np.testing.assert_allclose(found.p_enu, (1.5 * there_s, -there_s, 40.0 + 0.2 * there_s), atol=0.12)
     np.testing.assert_allclose(found.R_enu_cam, camera(yaw=0.1 * there_s).R_enu_cam, atol=1e-3)
