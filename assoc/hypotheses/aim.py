@@ -18,7 +18,7 @@ from assoc.hypotheses.search import UpdateContext
 
 FloatArray = NDArray[np.float64]
 
-_FAR_M = 8.0
+_FAR_M = 20.0
 """1σ of places along the line of sight by the pitch's, metres, from which on the fit does not find the way."""
 _STD_M, _STD_RAD = 3.0, 0.002
 """1σ of a pair's directions: metres across the line of sight or along the ground, and radians."""
