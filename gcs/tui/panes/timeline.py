@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 from textual import events
 from textual.reactive import reactive
 from textual.strip import Strip
-from textual.widget import Widget
 
 from gcs.certainty import CONFIRMED
 from gcs.snapshot import Event
@@ -18,6 +17,7 @@ from gcs.station import Gap, Timeline
 from gcs.tui.draw.format import clock, duration
 from gcs.tui.draw.moments import SIGNS, Moment, cell_of, cells_of
 from gcs.tui.draw.strips import Part, blank, clickable, fitted, line, width_of
+from gcs.tui.kept_lines import KeptLines
 from gcs.tui.messages import SeekTo
 from gcs.tui.palette import ACCENT, ALARM, BRIGHT, FAINT, GOOD, HEAD, INK, LINE, WARN, ink
 from gcs.tui.themes import Colour
@@ -35,7 +35,7 @@ ROOMY_ROWS: Final = 30
 LEVELS: Final = "▁▂▃▄▅▆▇█"
 
 
-class TimelineBar(Widget):
+class TimelineBar(KeptLines):
     """Bar of a replay's time in one row, with a second row while a vehicle is picked; a click seeks."""
 
     ALLOW_SELECT: ClassVar[bool] = False
