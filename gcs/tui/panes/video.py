@@ -37,11 +37,15 @@ MIN_RULE = 4
 """Cells round the pane's name, and of the line between it and the figures."""
 
 
-def _apart(parts: Sequence[Part]) -> list[Part]:
-    """Figures with a dot between them: one may begin with a number, and the word before would seem to be its own."""
-    between = (" · ", ink(FAINT, HEAD))
-    spaced = [each for part in parts for each in (between, part)][1:]
-    return [*spaced, (" ", ink(FAINT, HEAD))] if spaced else []
+def _apart(parts: Sequence[Part], room: int) -> list[Part]:
+    """As many figures as fit, with a dot between them: of a number alone nobody knows which word it belongs to."""
+    faint = ink(FAINT, HEAD)
+    for count in range(len(parts), 0, -1):
+        for dot in (" · ", "·"):
+            spaced = [each for part in parts[:count] for each in ((dot, faint), part)][1:]
+            if width_of(spaced) < room:
+                return [*spaced, (" ", faint)]
+    return []
 
 
 def _state_parts(snapshot: Snapshot) -> list[Part]:
@@ -101,9 +105,7 @@ class VideoPane(Pane):
         if self.enlarged and not (self._inset and self._inset.seen):
             return [(self._inset_note(), ink(WARN, HEAD))]
         parts = [*self._frame_parts(self.snapshot), *_state_parts(self.snapshot)]
-        while parts and len(self.label) + width_of(_apart(parts)) + MIN_RULE > self.size.width:
-            parts.pop()
-        return _apart(parts)
+        return _apart(parts, self.size.width - len(self.label) - MIN_RULE)
 
     def _frame_parts(self, snapshot: Snapshot) -> list[Part]:
         """Words for the magnification of the part on show, and for the number of boxes beyond it."""
