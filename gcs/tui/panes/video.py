@@ -38,7 +38,7 @@ MIN_RULE = 4
 
 
 def _apart(parts: Sequence[Part], room: int) -> list[Part]:
-    """As many figures as fit, with a dot between them: of a number alone nobody knows which word it belongs to."""
+    """Figures that fit, with a dot between them: of a number alone nobody knows which word it belongs to."""
     faint = ink(FAINT, HEAD)
     for count in range(len(parts), 0, -1):
         for dot in (" · ", "·"):
