@@ -71,6 +71,8 @@ async def shots(
     app = RollcallApp(station, graphics="blocks")
     app.silent_after_s = math.inf  # a script waits for the machine that looks at it
     async with app.run_test(size=size) as pilot:
+        for pane in app._panes.panes:
+            pane.rest_s = 0.0
         for part, view in zip(_parts(moments, len(views)), views, strict=True):
             await pilot.press(*view)
             for station.moment in part:

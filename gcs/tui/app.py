@@ -181,7 +181,8 @@ class RollcallApp(ReplayApp):
             self._events.all_events = events
         if self._station.timeline is not None and self._timeline is not None:
             name = self.snapshot.name_of(self.selected) if self.snapshot is not None else ""
-            self._timeline.show(self._station.timeline, events, self.selected, name)
+            shown_us = self.snapshot.now_us if self.snapshot is not None else None
+            self._timeline.show(self._station.timeline, events, self.selected, name, shown_us)
         self._alert_line.alert = self._alert()
         self._ring()
         self._offered = tell_newcomers(self, self._station.newcomers(), self._offered)

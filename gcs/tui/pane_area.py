@@ -13,6 +13,7 @@ from textual.widget import Widget
 
 from gcs.snapshot import Snapshot
 from gcs.tui.draw.pane_layout import LayoutState, Rect, arranged
+from gcs.tui.kept_lines import KeptLines
 from gcs.tui.panes.pane import Pane
 
 
@@ -30,7 +31,7 @@ class _PaneAreaLayout(Layout):
         ]
 
 
-class PaneArea(Widget):
+class PaneArea(KeptLines):
     """All panes; those without room are not displayed."""
 
     def __init__(self, panes: Iterable[Pane], *, id: str) -> None:

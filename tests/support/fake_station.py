@@ -346,6 +346,8 @@ async def running(station=None, size=SMALL):
     station = FakeStation() if station is None else station
     app = RollcallApp(station, graphics="blocks")
     async with app.run_test(size=size) as pilot:
+        for pane in app._panes.panes:
+            pane.rest_s = 0.0  # a test does not wait for a picture
         await pilot.pause()
         yield app, pilot, station
 

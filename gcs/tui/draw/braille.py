@@ -19,23 +19,42 @@ Inks = int | NDArray[np.int64]
 
 
 class BrailleCanvas:
-    """Bits and inks of a grid of cells; coordinates in dots, x right, y down, outside is cut off."""
+    """Bits and inks of a grid of cells; coordinates in dots, x right, y down, outside is cut off.
+
+    Lines wait until somebody asks for cells, or draws something else over them.
+    """
 
     def __init__(self, columns: int, rows: int) -> None:
         self.columns, self.rows = columns, rows
-        self.bits: NDArray[np.int64] = np.zeros((rows, columns), dtype=np.int64)
+        self._bits: NDArray[np.int64] = np.zeros((rows, columns), dtype=np.int64)
+        self._ink: NDArray[np.int64] = np.zeros((rows, columns), dtype=np.int64)
+        self._waiting: list[tuple[NDArray[np.float64], NDArray[np.int64]]] = []
+        """Ends of lines and steps between their dots, (k, 5), with their inks."""
+
+    @property
+    def bits(self) -> NDArray[np.int64]:
         """(rows, columns) braille pattern, 0 where nothing is drawn."""
-        self.ink: NDArray[np.int64] = np.zeros((rows, columns), dtype=np.int64)
+        self._draw_lines()
+        return self._bits
+
+    @property
+    def ink(self) -> NDArray[np.int64]:
         """(rows, columns) packed 0xRRGGBB of the last thing drawn there."""
+        self._draw_lines()
+        return self._ink
 
     def points(self, xy: NDArray[np.float64], inks: Inks) -> None:
         """Set dots at (k, 2) positions, later ones over earlier ones; NaN and far ones are skipped."""
+        self._draw_lines()
+        self._set(xy, inks)
+
+    def _set(self, xy: NDArray[np.float64], inks: Inks) -> None:
         x, y = xy[:, 0], xy[:, 1]
         seen = (x >= 0) & (y >= 0) & (x < 2 * self.columns) & (y < 4 * self.rows)
         x, y = xy[seen].astype(np.int64).T
         at = y >> 2, x >> 1
-        np.bitwise_or.at(self.bits, at, BITS[y & 3, x & 1])
-        self.ink[at] = inks if isinstance(inks, int) else inks[seen]
+        np.bitwise_or.at(self._bits, at, BITS[y & 3, x & 1])
+        self._ink[at] = inks if isinstance(inks, int) else inks[seen]
 
     def line(self, start: NDArray[np.float64], end: NDArray[np.float64], ink: int, every: float = 1.0) -> None:
         """A straight line; ``every`` above 1 leaves gaps between dots."""
@@ -56,20 +75,28 @@ class BrailleCanvas:
             inks: of all, or (k,).
             every: steps between dots, of all or (k,): above 1 there are gaps.
         """
-        known = (np.abs(np.hstack([start, end])) < FARTHEST).all(axis=1)
-        keep = np.asarray(known, dtype=np.bool_)
-        step = end[keep] - start[keep]
-        enter, leave = self._inside(start[keep], step)
+        count = len(start)
+        steps = np.broadcast_to(np.asarray(every, dtype=np.float64), count)
+        self._waiting.append(
+            (np.column_stack([start, end, steps]), np.broadcast_to(np.asarray(inks, dtype=np.int64), count))
+        )
+
+    def _draw_lines(self) -> None:
+        if not self._waiting:
+            return
+        waiting, self._waiting = self._waiting, []
+        lines, inks = (np.concatenate(parts) for parts in zip(*waiting, strict=True))
+        # far ones are beyond all sense, and NaN is not below anything
+        known = (np.abs(lines) < FARTHEST).all(axis=1)
+        start, step, every = lines[known, :2], lines[known, 2:4] - lines[known, :2], lines[known, 4]
+        enter, leave = self._inside(start, step)
         inside = enter <= leave
-        keep[keep] = inside
         enter, leave, step = enter[inside, None], leave[inside, None], step[inside]
-        start, step = start[keep] + enter * step, (leave - enter) * step
-        every = every if isinstance(every, float) else every[keep]
-        counts = np.clip(np.ceil(np.abs(step).max(axis=1, initial=0.0) / every), 1, LONGEST).astype(np.int64)
+        start, step = start[inside] + enter * step, (leave - enter) * step
+        counts = np.clip(np.ceil(np.abs(step).max(axis=1, initial=0.0) / every[inside]), 1, LONGEST).astype(np.int64)
         which, at = _spread(counts + 1)
         # p = a + (b − a) k / n
-        dots = start[which] + at[:, None] * (step / counts[:, None])[which]
-        self.points(dots, inks if isinstance(inks, int) else inks[keep][which])
+        self._set(start[which] + at[:, None] * (step / counts[:, None])[which], inks[known][inside][which])
 
     def _inside(
         self, start: NDArray[np.float64], step: NDArray[np.float64]

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from functools import cache, partial
+from collections.abc import Callable, Sequence
+from functools import cache, lru_cache, partial
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +20,7 @@ from gcs.tui.palette import depth_in_use, terminal_colour
 from gcs.tui.themes import Depth
 
 CACHE_SIZE = 24_576
+RESET = "\x1b[0m"
 
 
 class CellGrid:
@@ -34,7 +36,7 @@ class CellGrid:
             depth: Of the terminal's colours; that in use unless given.
         """
         self.columns, self.rows = columns, rows
-        self._looks = _looks_in(depth or depth_in_use())
+        self._depth: Depth = depth or depth_in_use()
         self._pictured: NDArray[np.bool_] = np.zeros((rows, columns), dtype=np.bool_)
         self.letter: NDArray[np.int64] = np.full((rows, columns), ord(" "), dtype=np.int64)
         self.ink: NDArray[np.int64] = np.full((rows, columns), paper, dtype=np.int64)
@@ -76,15 +78,93 @@ class CellGrid:
                     self.paper[y, at] = paper
 
     def strips(self) -> list[Strip]:
-        """One strip per row; equal neighbours share a segment."""
-        looks = self.ink << 24 | self.paper
-        rows = zip(self.letter.tolist(), looks.tolist(), strict=True)
-        return [Strip(_segments(letters, row, self._looks), self.columns) for letters, row in rows]
+        """One strip per row."""
+        looks, known = self.ink << 24 | self.paper, _looks_in(self._depth)
+        rows = zip(self.letter, looks, _ansi_of(self.letter, self.ink, self.paper, self._depth), strict=True)
+        return [CellRow(letters, row, known, rendered) for letters, row, rendered in rows]
 
 
 def _mean(a: NDArray[np.int64], b: NDArray[np.int64]) -> NDArray[np.int64]:
     # (a + b) / 2 per byte without carry between bytes
     return (a & b) + (((a ^ b) & 0xFEFEFE) >> 1)
+
+
+Cells = NDArray[np.int64]
+
+
+def _ansi_of(letter: Cells, ink: Cells, paper: Cells, depth: Depth) -> list[str]:
+    """Each row as a terminal gets it: a colour only where it is another than in the cell before."""
+    colours, number = np.unique(np.stack([ink, paper]), return_inverse=True)
+    number = number.reshape(2, *ink.shape)
+    other = np.ones(number.shape, dtype=np.bool_)
+    np.not_equal(number[..., 1:], number[..., :-1], out=other[..., 1:])
+    inks, papers = (
+        _padded([_code(colour, depth, foreground) for colour in colours.tolist()]) for foreground in (True, False)
+    )
+    letters, letter_number = np.unique(letter, return_inverse=True)
+    cells = np.concatenate(
+        [
+            inks[number[0]] * other[0, ..., None],
+            papers[number[1]] * other[1, ..., None],
+            _padded([chr(each).encode() for each in letters.tolist()])[letter_number.reshape(letter.shape)],
+        ],
+        axis=-1,
+    ).reshape(len(letter), -1)
+    shown = cells[cells > 0].tobytes()
+    ends = np.cumsum(np.count_nonzero(cells, axis=1)).tolist()
+    return [f"{shown[start:end].decode()}{RESET}" for start, end in pairwise([0, *ends])]
+
+
+@lru_cache(maxsize=CACHE_SIZE)
+def _code(packed: int, depth: Depth, foreground: bool) -> bytes:
+    return f"\x1b[{';'.join(terminal_colour(packed, depth).get_ansi_codes(foreground))}m".encode()
+
+
+def _padded(texts: Sequence[bytes]) -> NDArray[np.uint8]:
+    """(n, bytes of the longest), the shorter ones followed by zeros."""
+    return np.array(texts).view(np.uint8).reshape(len(texts), -1)
+
+
+class CellRow(Strip):
+    """A row of a grid, ready for the terminal: its segments, which take longer, are made for those who ask."""
+
+    __slots__ = ("_known", "_letters", "_looks", "_made")
+
+    def __init__(self, letters: NDArray[np.int64], looks: NDArray[np.int64], known: _Looks, rendered: str) -> None:
+        """Make a row.
+
+        Args:
+            letters: (n,) code points.
+            looks: (n,) ink and paper.
+            known: Segments by letter and look.
+            rendered: Control sequences and letters.
+        """
+        self._made: list[Segment] | None = None
+        super().__init__((), len(letters))
+        self._letters, self._looks, self._known = letters, looks, known
+        self._render_cache = rendered
+
+    def __eq__(self, other: object) -> bool:
+        """Rows that the terminal shows alike are alike."""
+        return self._render_cache == other._render_cache if isinstance(other, CellRow) else super().__eq__(other)
+
+    __hash__ = None  # type: ignore[assignment]
+
+    @property
+    def changes(self) -> int:
+        """Number of cells that look other than the cell before, the first among them."""
+        return 1 + int(np.count_nonzero(self._looks[1:] != self._looks[:-1]))
+
+    @property
+    def _segments(self) -> list[Segment]:
+        """Segments as Textual has them; equal neighbours share one."""
+        if self._made is None:
+            self._made = _segments(self._letters.tolist(), self._looks.tolist(), self._known)
+        return self._made
+
+    @_segments.setter
+    def _segments(self, segments: list[Segment]) -> None:
+        self._made = segments or None
 
 
 class _Looks(dict[int, Segment]):

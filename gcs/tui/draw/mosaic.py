@@ -18,10 +18,10 @@ from gcs.tui.themes import Depth
 Grain = Literal["halves", "sextants", "octants"]
 """Division of a cell into parts."""
 HALF: Final = ord("▀")
-ROWS_EACH: Final = 4
-"""Least number of a larger image's rows of which each row of the result is the mean."""
 FINER: Final = 2
 """Factor of the size at which the image is sharpened, on the size that is shown."""
+SAMPLES: Final = 2
+"""Samples across and down each point of that, each the mean of 2×2 points of the image."""
 SHARPER: Final = 0.7
 """Share of what a blur takes away that is added once more; raised, edges get halos."""
 LUMA_STEP: Final = 8
@@ -123,11 +123,11 @@ def _split(parts: NDArray[np.uint8]) -> tuple[NDArray[np.bool_], NDArray[np.uint
 
 def _shrunk(image: NDArray[np.uint8], width: int, height: int) -> NDArray[np.uint8]:
     """An image in another size; sharpened before it gets small, so that vehicles and the road's lines stand out."""
-    # reading every row of a large frame would cost more than all else that is drawn
-    some = image[:: max(1, image.shape[0] // (ROWS_EACH * height))]
     if FINER * width > image.shape[1]:
         way = cv2.INTER_AREA if width < image.shape[1] else cv2.INTER_LINEAR
-        return np.asarray(cv2.resize(some, (width, height), interpolation=way), dtype=np.uint8)
+        return np.asarray(cv2.resize(image, (width, height), interpolation=way), dtype=np.uint8)
+    # the mean of all points of a large frame would cost more than all else that is drawn
+    some = cv2.resize(image, (SAMPLES * FINER * width, SAMPLES * FINER * height), interpolation=cv2.INTER_LINEAR)
     finer = cv2.resize(some, (FINER * width, FINER * height), interpolation=cv2.INTER_AREA)
     # s = f + k (f − blurred f): an unsharp mask
     sharp = cv2.addWeighted(finer, 1 + SHARPER, cv2.GaussianBlur(finer, (0, 0), FINER), -SHARPER, 0.0)
@@ -138,12 +138,20 @@ def _reduced(bgr: NDArray[np.uint8], *, depth: Depth) -> NDArray[np.int64]:
     """(h, w, 3) BGR to (h, w) 0xRRGGBB of fewer colours."""
     if depth != "truecolor":
         return dithered(bgr) if depth == "256" else in_four_greys(bgr)
-    ycc = np.asarray(cv2.cvtColor(bgr, cv2.COLOR_BGR2YCrCb), dtype=np.uint8)
-    ycc[..., 0] = ycc[..., 0] // LUMA_STEP * LUMA_STEP + LUMA_STEP // 2
-    hue = (ycc[..., 1:].astype(np.float64) - 128) / CHROMA_STEP
-    ycc[..., 1:] = np.clip(np.rint(hue) * CHROMA_STEP + 128, 0, 255)
+    ycc = cv2.LUT(cv2.cvtColor(bgr, cv2.COLOR_BGR2YCrCb), FEWER)
     wide = np.asarray(cv2.cvtColor(ycc, cv2.COLOR_YCrCb2BGR)).astype(np.int64)
     return np.asarray(wide[..., 2] << 16 | wide[..., 1] << 8 | wide[..., 0], dtype=np.int64)
+
+
+def _fewer() -> NDArray[np.uint8]:
+    """(1, 256, 3) of each value of brightness and of both differences of colour the nearest that is used."""
+    every = np.arange(256)
+    luma = every // LUMA_STEP * LUMA_STEP + LUMA_STEP // 2
+    chroma = np.clip(np.rint((every - 128) / CHROMA_STEP) * CHROMA_STEP + 128, 0, 255)
+    return np.stack([luma, chroma, chroma], axis=-1)[None].astype(np.uint8)
+
+
+FEWER: Final = _fewer()
 
 
 def _letters(parts: int, first: int, elsewhere: dict[int, int]) -> NDArray[np.int64]:

@@ -20,7 +20,10 @@ NO_BREAK = "\N{NO-BREAK SPACE}"
 def line(parts: Iterable[Part], width: int, paper: Colour = PANEL) -> Strip:
     """A strip of exactly ``width`` cells."""
     segments = [Segment(text, style) for text, style in parts if text]
-    return Strip(segments).adjust_cell_length(width, ink(paper=paper))
+    cells = sum(cell_len(text) for text, _, _ in segments)
+    if cells < width:
+        segments.append(Segment(" " * (width - cells), ink(paper=paper)))
+    return Strip(segments, max(cells, width)).adjust_cell_length(width)
 
 
 def blank(width: int, paper: Colour = PANEL) -> Strip:

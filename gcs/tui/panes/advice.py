@@ -28,6 +28,8 @@ ADVICE: Final[Mapping[Standing, str]] = MappingProxyType(
     }
 )
 """Advice by standing, while no alarm says more."""
+HELD: Final = "wait for a new picture, then rely on it"
+"""Advice about a name of a picture that is old."""
 UNHEARD: Final = "switch it on; check its system id and its key against the mission"
 """Advice about a vehicle that was never heard."""
 
@@ -39,6 +41,8 @@ def what_to_do(snapshot: Snapshot, row: VehicleRow) -> str:
         return plain(worst.advice)
     if not is_heard(row) and not snapshot.provisional:
         return UNHEARD
+    if row.standing == "confirmed" and snapshot.held_s:
+        return HELD
     if row.standing != "out of view":
         return ADVICE[row.standing]
     if row.elsewhere:

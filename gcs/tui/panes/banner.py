@@ -9,7 +9,6 @@ from typing import ClassVar, Literal
 from rich.cells import cell_len
 from textual.reactive import reactive
 from textual.strip import Strip
-from textual.widget import Widget
 
 from gcs.errors import FlightError
 from gcs.report.vehicle_names import text_with_sender
@@ -17,6 +16,7 @@ from gcs.snapshot import Alarm, Event, Snapshot
 from gcs.station import SIMULATION_OVER
 from gcs.tui.draw.format import REPORTED_WORDS, age, clock
 from gcs.tui.draw.strips import cut_between_words, fitted, line
+from gcs.tui.kept_lines import KeptLines
 from gcs.tui.palette import ALARM, FAINT, HEAD, PANEL, WARN, ink
 from gcs.tui.panes.alarms import ALARMS_UNKNOWN, Seen, is_final, unseen
 from infra.plain_text import plain
@@ -129,7 +129,7 @@ def _first(
     )
 
 
-class Banner(Widget):
+class Banner(KeptLines):
     """One row for the worst."""
 
     ALLOW_SELECT: ClassVar[bool] = False

@@ -42,7 +42,7 @@ GLYPHS: Final[Mapping[str, str]] = MappingProxyType(
 )
 """One for each kind of event, before its word where there is room for that."""
 KIND_FROM, HOUR_FROM = 76, 50
-"""Narrower logs have no word for the kind, and minutes and seconds alone."""
+"""Narrower logs have no word for the kind, and ``:20:00`` alone of a time: without the colon it would be another."""
 LONGEST_ROWS: Final = 2
 """Rows that an event takes at most without the focus."""
 ROOMY: Final = 6
@@ -233,7 +233,7 @@ class EventPane(Pane):
         colour = level_colour(event.level)
         glyph = GLYPHS.get(event.kind, "·")
         parts: list[Part] = [
-            (f" {clock(event.t_us)[:-1] if width >= HOUR_FROM else clock(event.t_us)[3:-1]} ", ink(FAINT)),
+            (f" {clock(event.t_us)[:-1]} " if width >= HOUR_FROM else f"{clock(event.t_us)[2:-1]} ", ink(FAINT)),
             (f"{MARKS.get(event.level, '  ')} ", ink(colour, bold=True)),
             (f"{glyph} ", ink(ACCENT if ours else FAINT)),
         ]

@@ -314,6 +314,13 @@ def ordered(snapshot: Snapshot, *, by_trouble: bool) -> tuple[VehicleRow, ...]:
     return tuple(sorted(snapshot.vehicles, key=trouble))
 
 
+def _columns_of(snapshot: Snapshot | None, width: int) -> tuple[Column, ...]:
+    if snapshot is None:
+        return columns_for(width)
+    more, keyed = condition_columns(snapshot), bool(snapshot.health.keys)
+    return columns_for(width, snapshot.vehicles, keyed=keyed, more=more)
+
+
 class FleetPane(Pane):
     """The fleet."""
 
@@ -324,6 +331,7 @@ class FleetPane(Pane):
     def __init__(self, *, id: str) -> None:
         super().__init__(id=id)
         self._first = 0
+        self._laid: tuple[Snapshot | None, int, tuple[Column, ...]] | None = None
 
     def in_order(self, snapshot: Snapshot) -> tuple[VehicleRow, ...]:
         """All rows as they are on screen, from the top."""
@@ -373,10 +381,10 @@ class FleetPane(Pane):
         return [self._row(row, self.snapshot, columns, width, doubted=row.system_id in doubted) for row in shown]
 
     def _columns(self, width: int) -> tuple[Column, ...]:
-        if self.snapshot is None:
-            return columns_for(width)
-        more, keyed = condition_columns(self.snapshot), bool(self.snapshot.health.keys)
-        return columns_for(width, self.snapshot.vehicles, keyed=keyed, more=more)
+        """Columns of the heading, which are those of the rows."""
+        if self._laid is None or self._laid[0] is not self.snapshot or self._laid[1] != width:
+            self._laid = self.snapshot, width, _columns_of(self.snapshot, width)
+        return self._laid[2]
 
     def _row(
         self, row: VehicleRow, snapshot: Snapshot, columns: Sequence[Column], width: int, *, doubted: bool

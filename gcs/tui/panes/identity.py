@@ -320,7 +320,7 @@ def _not_known(snapshot: Snapshot, row: VehicleRow) -> str:
     """Reason why nobody knows where the picture should show a vehicle, empty for none."""
     if row.position_state not in ("ok", "stale"):
         return "it has no usable position" if is_heard(row) else as_far_as_known(snapshot, NEVER_HEARD)
-    if row.standing == "no new frame":
+    if row.standing == "no new frame" or snapshot.held_s:  # the vehicle went on, and its box did not
         return "the picture is old"
     if row.system_id in snapshot.conflicts:
         return CONTRADICTED

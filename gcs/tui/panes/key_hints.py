@@ -7,9 +7,9 @@ from typing import ClassVar
 
 from textual.reactive import reactive
 from textual.strip import Strip
-from textual.widget import Widget
 
 from gcs.tui.draw.strips import Part, clickable, line, width_of
+from gcs.tui.kept_lines import KeptLines
 from gcs.tui.keys import Hint, hints_for, signs_in
 from gcs.tui.palette import ACCENT, FAINT, PANEL, ink
 from gcs.tui.themes import Colour
@@ -28,7 +28,7 @@ def _press(key: str) -> str:
     return f"app.simulate_key({key!r})"
 
 
-class KeyHints(Widget):
+class KeyHints(KeptLines):
     """Keys and words."""
 
     ALLOW_SELECT: ClassVar[bool] = False

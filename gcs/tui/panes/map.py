@@ -54,6 +54,8 @@ class MapPane(Pane):
 
     label: ClassVar[str] = "MAP"
     is_picture: ClassVar[bool] = True
+    rest_s = 0.15
+    """A vehicle of 5 m/s moves by a cell or less meanwhile, and half of a video's rate is half of the cost."""
     BINDINGS: ClassVar[list[BindingType]] = [
         _key("up", "pan(0,-1)", "Pan north, or move the cursor"),
         _key("down", "pan(0,1)", "Pan south, or move the cursor"),

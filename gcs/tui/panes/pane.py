@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
+import time
+from collections.abc import Iterator, Sequence
+from itertools import groupby
 from typing import ClassVar
 
 from rich.style import Style
@@ -26,6 +29,8 @@ class Pane(Widget, can_focus=True):
     label: ClassVar[str] = ""
     is_picture: ClassVar[bool] = False
     """True of a pane that takes most of what goes to the terminal, and waits until the terminal has the last one."""
+    rest_s: float = 0.0
+    """Time for which new snapshots wait after a drawing, which keys do not."""
 
     snapshot: reactive[Snapshot | None] = reactive(None, always_update=True, repaint=False)
     selected: reactive[int] = reactive(0, repaint=False)
@@ -39,6 +44,9 @@ class Pane(Widget, can_focus=True):
         self.maximised = False
         """True if it has the whole screen."""
         self._owed = False
+        self._behind = False
+        """True if the newest snapshot is not drawn yet, since the last drawing was a moment ago."""
+        self._drawn_s = -math.inf
 
     def note(self) -> Sequence[Part]:
         """Return the heading's right end."""
@@ -68,6 +76,7 @@ class Pane(Widget, can_focus=True):
         self._owed = self._held and bool(self._rows)
         if self._owed:
             return
+        self._behind, self._drawn_s = False, time.monotonic()
         body = self.body(width, height - 1)  # the heading may tell what of it is on screen
         rows = [self.heading(width), *body][:height]
         rows += [blank(width)] * (height - len(rows))
@@ -79,13 +88,17 @@ class Pane(Widget, can_focus=True):
         if not same:
             self._rows = rows
         if changed:
-            self.refresh(*(Region(0, y, width, 1) for y in changed))
+            self.refresh(*(Region(0, top, width, count) for top, count in _stretches(changed)))
 
     def hold(self, held: bool) -> None:
         """Keep what is shown for now; what was to be drawn meanwhile is drawn when that is over."""
         self._held = held
-        if self._owed and not held:
+        if not held and (self._owed or (self._behind and not self._rests)):
             self.redraw()
+
+    @property
+    def _rests(self) -> bool:
+        return time.monotonic() - self._drawn_s < self.rest_s
 
     def render_line(self, y: int) -> Strip:
         """One row as it was last built."""
@@ -99,8 +112,10 @@ class Pane(Widget, can_focus=True):
         return [self.render_line(y).crop(left, right) for y in crop.line_range]
 
     def watch_snapshot(self) -> None:
-        """Draw again when there is something new to show."""
-        self.redraw()
+        """Draw again when there is something new to show, soon or at once."""
+        self._behind = self._rests
+        if not self._behind:
+            self.redraw()
 
     def watch_selected(self) -> None:
         """Draw again when another vehicle is picked."""
@@ -119,3 +134,10 @@ class Pane(Widget, can_focus=True):
         """Show the focus in the heading."""
         super().watch_has_focus(value)
         self.redraw()
+
+
+def _stretches(numbers: Sequence[int]) -> Iterator[tuple[int, int]]:
+    """First and count of each stretch of numbers that follow each other, of some in ascending order."""
+    for _, stretch in groupby(enumerate(numbers), key=lambda pair: pair[1] - pair[0]):
+        first, *more = (number for _, number in stretch)
+        yield first, 1 + len(more)

@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 from textual import events
 from textual.reactive import reactive
 from textual.strip import Strip
-from textual.widget import Widget
 
 from gcs.certainty import CONFIRMED
 from gcs.snapshot import Event
@@ -18,6 +17,7 @@ from gcs.station import Gap, Timeline
 from gcs.tui.draw.format import clock, duration
 from gcs.tui.draw.moments import SIGNS, Moment, cell_of, cells_of
 from gcs.tui.draw.strips import Part, blank, clickable, fitted, line, width_of
+from gcs.tui.kept_lines import KeptLines
 from gcs.tui.messages import SeekTo
 from gcs.tui.palette import ACCENT, ALARM, BRIGHT, FAINT, GOOD, HEAD, INK, LINE, WARN, ink
 from gcs.tui.themes import Colour
@@ -33,9 +33,11 @@ SHORTEST: Final = 8
 ROOMY_ROWS: Final = 30
 """Rows of a screen that has one to spare for the confidence of the picked vehicle."""
 LEVELS: Final = "▁▂▃▄▅▆▇█"
+MAX_BEHIND_US: Final = 2_000_000
+"""Most that the screen may be away from the time that is told, at normal speed, before that is marked."""
 
 
-class TimelineBar(Widget):
+class TimelineBar(KeptLines):
     """Bar of a replay's time in one row, with a second row while a vehicle is picked; a click seeks."""
 
     ALLOW_SELECT: ClassVar[bool] = False
@@ -43,6 +45,8 @@ class TimelineBar(Widget):
     analysed: reactive[Spans] = reactive(())
     marks: reactive[tuple[Event, ...]] = reactive((), always_update=True)
     gaps: reactive[tuple[Gap, ...]] = reactive(())
+    is_behind: reactive[bool] = reactive(False)
+    """True while the screen shows another moment than the one told: so it is after a jump that takes its time."""
     jumps: reactive[str] = reactive("")
     """Events that the keys jump between, empty for the events of the log."""
     picked: reactive[tuple[str, bytes]] = reactive(("", b""))
@@ -54,7 +58,14 @@ class TimelineBar(Widget):
         """Inputs that the cells were worked out for, None: other events or gaps came."""
         self._cells: list[Moment | None] = []
 
-    def show(self, timeline: Timeline, events: Sequence[Event], system_id: int = 0, name: str = "") -> None:
+    def show(
+        self,
+        timeline: Timeline,
+        events: Sequence[Event],
+        system_id: int = 0,
+        name: str = "",
+        shown_us: int | None = None,
+    ) -> None:
         """Take the timeline's state; repaints only when something differs.
 
         Args:
@@ -62,7 +73,10 @@ class TimelineBar(Widget):
             events: of all of it, as far as it is analysed.
             system_id: of the picked vehicle, 0 none.
             name: its name.
+            shown_us: Moment that the panes show, Unix µs, None for none.
         """
+        away_us = 0 if shown_us is None else abs(timeline.now_us - shown_us)
+        self.is_behind = away_us > MAX_BEHIND_US * max(1.0, timeline.speed)
         self.state = (timeline.start_us, timeline.stop_us, timeline.now_us, timeline.playing, timeline.speed)
         self.analysed = tuple(timeline.analysed)
         self.gaps = tuple(timeline.gaps)
@@ -108,7 +122,10 @@ class TimelineBar(Widget):
     def _right(self) -> list[Part]:
         _, _, now_us, _, speed = self.state
         parts = [
-            (f" {clock(now_us, tenths=self.size.width >= 100)}", ink(INK, HEAD)),
+            (
+                f"{'…' if self.is_behind else ' '}{clock(now_us, tenths=self.size.width >= 100)}",
+                ink(WARN if self.is_behind else INK, HEAD),
+            ),
             clickable((f" ×{speed:g} ", ink(ACCENT, HEAD)), "app.speed(1)"),
         ]
         return [*parts, (f"np {self.jumps} ", ink(FAINT, HEAD))] if self.jumps else parts

@@ -37,6 +37,17 @@ MIN_RULE = 4
 """Cells round the pane's name, and of the line between it and the figures."""
 
 
+def _apart(parts: Sequence[Part], room: int) -> list[Part]:
+    """Figures that fit, with a dot between them: of a number alone nobody knows which word it belongs to."""
+    faint = ink(FAINT, HEAD)
+    for count in range(len(parts), 0, -1):
+        for dot in (" · ", "·"):
+            spaced = [each for part in parts[:count] for each in ((dot, faint), part)][1:]
+            if width_of(spaced) < room:
+                return [*spaced, (" ", faint)]
+    return []
+
+
 def _state_parts(snapshot: Snapshot) -> list[Part]:
     """State of the video where that is not good, else its figures, the most needed first."""
     health, lag = snapshot.health, f"lag {snapshot.health.lag_s:.1f}s"
@@ -55,7 +66,7 @@ def _state_parts(snapshot: Snapshot) -> list[Part]:
         (good and health.looked_share < 1.0, f"{health.looked_share:.0%} looked at", FAINT),
         (good and LAG_SHOWN_S <= health.lag_s <= LATE_S, lag, FAINT),
     )
-    return [(f"{text} ", ink(colour, HEAD)) for known, text, colour in figures if known]
+    return [(text, ink(colour, HEAD)) for known, text, colour in figures if known]
 
 
 class VideoPane(Pane):
@@ -93,17 +104,16 @@ class VideoPane(Pane):
             return ()
         if self.enlarged and not (self._inset and self._inset.seen):
             return [(self._inset_note(), ink(WARN, HEAD))]
-        parts = [(self._frame_note(self.snapshot), ink(INK, HEAD)), *_state_parts(self.snapshot)]
-        while parts and len(self.label) + width_of(parts) + MIN_RULE > self.size.width:
-            parts.pop()
-        return parts
+        parts = [*self._frame_parts(self.snapshot), *_state_parts(self.snapshot)]
+        return _apart(parts, self.size.width - len(self.label) - MIN_RULE)
 
-    def _frame_note(self, snapshot: Snapshot) -> str:
+    def _frame_parts(self, snapshot: Snapshot) -> list[Part]:
         """Words for the magnification of the part on show, and for the number of boxes beyond it."""
         if self._frame is None or self._shown is None or self._frame.rect[2] >= snapshot.width:
-            return ""
+            return []
         beyond = len(snapshot.boxes) - len(self._shown.boxes)
-        return f"zoom {snapshot.width / self._frame.rect[2]:.1f} " + f"{beyond} beyond " * (beyond > 0)
+        words = [f"zoom {snapshot.width / self._frame.rect[2]:.1f}", *[f"{beyond} beyond"] * (beyond > 0)]
+        return [(each, ink(INK, HEAD)) for each in words]
 
     def _inset_note(self) -> str:
         """Return why the picked vehicle is not seen enlarged."""

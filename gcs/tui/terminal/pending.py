@@ -8,6 +8,8 @@ from rich.console import Console
 from textual._compositor import ChopsUpdate, CompositorUpdate, LayoutUpdate
 from textual.strip import Strip
 
+from gcs.tui.draw.cell_grid import CellRow
+
 PICTURE_SEGMENTS = 0.4
 """Changes of colour a cell from which a row is a picture: half blocks have nearly 1, tables 0.2."""
 TEXT_SHARE = 0.75
@@ -65,7 +67,7 @@ class PendingCells:
         (y, x), strip = place, self._pop(place)
         cells = strip.render(console)
         fit = strip.cell_length * room // max(len(cells.encode()), 1)
-        if 0 < fit < strip.cell_length and not any(segment.control for segment in strip._segments):
+        if 0 < fit < strip.cell_length and not _has_control(strip):
             rest = self._pieces
             self._pieces = {}
             self._keep(y, x + fit, strip.crop(fit))
@@ -98,8 +100,12 @@ class PendingCells:
 
 def _is_picture(strip: Strip) -> bool:
     """Half blocks, or an image in the terminal's own format."""
-    segments = strip._segments
-    return len(segments) > PICTURE_SEGMENTS * strip.cell_length or any(segment.control for segment in segments)
+    changes = strip.changes if isinstance(strip, CellRow) else len(strip._segments)
+    return changes > PICTURE_SEGMENTS * strip.cell_length or _has_control(strip)
+
+
+def _has_control(strip: Strip) -> bool:
+    return not isinstance(strip, CellRow) and any(segment.control for segment in strip._segments)
 
 
 def _pieces_of(update: CompositorUpdate) -> Iterator[tuple[int, int, Strip]]:

@@ -21,6 +21,7 @@ from textual.screen import UPDATE_PERIOD, Screen
 from gcs.tui import palette
 from gcs.tui.draw.pixels import depth_of
 from gcs.tui.draw.terminal_kind import has_terminal
+from gcs.tui.kept_lines import KeptLines
 from gcs.tui.terminal.driver import TerminalDriver
 from gcs.tui.themes import THEMES, ThemeName, next_theme, textual_theme
 
@@ -44,7 +45,7 @@ class _BrowserDriver(WebDriver):
         return size
 
 
-class EagerScreen(Screen[None]):
+class EagerScreen(KeptLines, Screen[None]):
     """Draws as soon as all who changed have said so, at most as often as Textual does.
 
     Textual waits for the next tick of a clock of 60 Hz: 8 ms of the time from a key to the screen, and more than the

@@ -82,6 +82,6 @@ async def test_the_heading_says_how_close_it_is_and_the_whole_screen_has_the_who
         app._poll()
         await pilot.pause()
         video = app.query_one(VideoPane)
-        assert re.search(r"zoom 1\.\d 1 beyond", text_of(video).splitlines()[0])
+        assert re.search(r"zoom 1\.\d · 1 beyond · 25 fps · ", text_of(video).splitlines()[0])
         await pilot.press("v", "z")
         assert "beyond" not in text_of(video).splitlines()[0]

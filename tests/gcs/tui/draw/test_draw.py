@@ -167,6 +167,20 @@ def test_cells_become_strips_of_equal_neighbours():
     assert len(strips[0]._segments) == 3
 
 
+def test_lines_that_are_drawn_at_once_are_as_if_drawn_one_after_the_other():
+    rng = np.random.default_rng(4)
+    ends, inks = rng.uniform(-20, 120, (40, 4)), rng.integers(1, 1 << 24, 40)
+    together, singly = BrailleCanvas(30, 15), BrailleCanvas(30, 15)
+    for k, (*start, x, y) in enumerate(ends):
+        together.line(np.array(start), np.array([x, y]), int(inks[k]))
+        singly.line(np.array(start), np.array([x, y]), int(inks[k]))
+        _ = singly.bits  # draws what waits
+        if k == 20:
+            for dots in (together, singly):
+                dots.circles(np.array([[30.0, 30.0]]), np.array([9.0]), INK)
+    assert (together.bits == singly.bits).all() and (together.ink == singly.ink).all()
+
+
 @pytest.mark.parametrize(("columns", "rows"), [(160, 45), (80, 24), (10, 40), (1, 1), (200, 3)])
 def test_images_keep_their_shape(columns, rows):
     left, top, wide, high = fit(1280, 720, columns, rows)

@@ -61,7 +61,10 @@ async def test_the_screen_marks_what_is_held(seconds, shown):
         status = text_of(app.query_one(StatusBar))
         assert ("confirmed 0.8s ago" in status, "video ok" in status) == (shown, not shown)
         assert ("0.8s old" in text_of(app.query_one(VideoPane))) == shown
-        assert ("names 0.8s old" in text_of(app.query_one(IdentityPane))) == shown
+        card = text_of(app.query_one(IdentityPane))
+        assert ("names 0.8s old" in card) == shown
+        assert ("wait for a new picture" in card, "the picture is old" in card) == (shown, shown)
+        assert ("nothing: rely on it" in card, "where no box is" in card) == (not shown, False)
 
 
 async def test_after_two_seconds_there_is_no_count_but_why():

@@ -15,7 +15,7 @@ from gcs.tui.panes.event_log import EventPane
 from gcs.tui.panes.identity import IdentityPane
 from gcs.tui.panes.pane import Pane
 from gcs.tui.panes.status import StatusBar
-from tests.support.fake_station import WIDE, FakeStation, make_snapshot, polled, running, screen_text, text_of
+from tests.support.fake_station import START_US, WIDE, FakeStation, make_snapshot, polled, running, screen_text, text_of
 
 YET = "not analysed yet"
 
@@ -79,6 +79,16 @@ async def test_alarms_of_the_flight_or_its_replay_alone_are_marked_and_acknowled
         text = text_of(app.query_one(AlarmPane))
         assert "then: UGV-11: position lost" in text and "now recomputed: UGV-12: no heartbeat" in text
         assert "3 new" in text and text.count("seen    ") == 1
+
+
+@pytest.mark.parametrize(("size", "told"), [(WIDE, " 10:33:07 "), ((80, 24), ":33:07 ")])
+async def test_a_narrow_log_tells_that_the_hour_is_left_out(size, told):
+    station = FakeStation()
+    station.said = [Event(t_us=START_US - 5_000_000, level="info", kind="link", text="a link came")]
+    async with running(station, size) as (app, pilot, _):
+        await polled(app, pilot)
+        row = next(row for row in text_of(app.query_one(EventPane)).splitlines() if "a link came" in row)
+        assert row.startswith(told)
 
 
 @pytest.mark.parametrize(("reported", "before"), [("then", "then: "), ("now", "now recomputed: "), ("", "")])

@@ -137,3 +137,12 @@ async def test_a_click_on_the_strip_seeks_too():
         await pilot.pause()
         await pilot.click("#timeline", offset=(100, 1))
         assert START_US + 600 * S < station.timeline.now_us < STOP_US
+
+
+async def test_the_time_is_marked_while_the_screen_shows_another():
+    async with running(size=SMALL) as (app, pilot, station):
+        bar, shown_us = app.query_one(TimelineBar), station.snapshot.now_us
+        for away_s, speed, marked in ((0.5, 1.0, False), (5.0, 1.0, True), (-5.0, 1.0, True), (5.0, 20.0, False)):
+            station.timeline.now_us, station.timeline.speed = shown_us + round(away_s * S), speed
+            await polled(app, pilot)
+            assert ("…10:3" in text_of(bar)) == marked, (away_s, speed)
