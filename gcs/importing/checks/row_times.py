@@ -275,10 +275,12 @@ def _differ(places: Floats, t_us: Ints) -> bool:
 
 
 def _spread(seconds_us: Ints, counts: Ints) -> Ints:
-    """Times of rows, ``counts`` in each second; the first second is full at its end, the others at their beginning."""
+    """Times of rows, ``counts`` in each second; the first one and those behind a hole are full at their end, the others
+    at their beginning."""
     most = np.maximum(counts, int(np.median(counts)))
-    place = np.arange(counts.sum()) - np.repeat(np.cumsum(counts) - counts, counts)
-    place[: counts[0]] += most[0] - counts[0]
+    begun_late = np.r_[True, np.diff(seconds_us) > _SECOND_US]
+    before = np.where(begun_late, most - counts, 0)
+    place = np.arange(counts.sum()) + np.repeat(before - np.cumsum(counts) + counts, counts)
     share = (place + 0.5) / np.repeat(most, counts)
     return np.asarray(np.repeat(seconds_us, counts) + np.rint(share * _SECOND_US), np.int64)
 

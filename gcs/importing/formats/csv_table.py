@@ -26,6 +26,7 @@ from numpy.typing import NDArray
 
 from gcs.errors import ImportFileError
 from gcs.importing.checks.row_times import NO_ZONE, numbered, row_times, unix_seconds
+from gcs.importing.checks.two_clocks import clock_lead
 from gcs.importing.formats.column_names import KNOWN, column_of, in_our_units
 from gcs.importing.formats.text_file import text_lines
 from gcs.importing.vehicle_log import (
@@ -55,7 +56,7 @@ _GIVE = (
 )
 _LATEST_US = 4_102_444_800_000_000  # the year 2100
 _MAX_ROWS = 2_000_000
-_MAX_SHOWN = 200
+_MAX_SHOWN = 120
 _AROUND = " \t\r\n\"'"
 _MAX_NAMED, _MAX_NAME = 8, 40
 _NO_NUMBER = "cells that are no numbers"
@@ -127,6 +128,8 @@ def read_csv(path: Path) -> list[VehicleLog]:
     by_name, assumed = in_our_units(table.columns(), cells, f"{path}")
     where = f"{path}: column {cells[table.names.index(table.time)].strip(_AROUND)}"
     times, clock, time_notes = unix_us(table.time, by_name[table.time], dated=table.dated, where=where)
+    if table.dated and "counted_ms" in by_name:
+        times, time_notes = _between_seconds(times, by_name["counted_ms"] * 1e3)
     t_us = np.rint(np.clip(times, -1.0, _LATEST_US))
     assumed += time_notes + ((NO_ZONE,) if table.zoneless else ())
     titles = zip((plain(cell.strip(_AROUND))[:_MAX_NAME] for cell in cells), table.names, strict=True)
@@ -135,6 +138,20 @@ def read_csv(path: Path) -> list[VehicleLog]:
     found = (f"columns left alone: {', '.join(unread[:_MAX_NAMED])}{more}",) if unread else ()
     notes = ImportNotes(found=found, assumed=assumed, skipped=table.skipped)
     return _vehicles(path, by_name, t_us, clock, notes, np.array(table.lines, np.int64))
+
+
+def _between_seconds(times: Floats, counted_us: Floats) -> tuple[Floats, tuple[str, ...]]:
+    """Times of rows whose dates are whole seconds by the count beside them, and what was assumed; else as they are.
+
+    Args:
+        times: (n,) Unix µs.
+        counted_us: (n,) since any moment, NaN unknown.
+    """
+    if (times % 1e6).any() or not np.isfinite(counted_us).all():
+        return times, ()
+    counted = np.rint(counted_us).astype(np.int64)
+    lead = clock_lead("the date", "the count beside it", times.astype(np.int64), counted, cut=True)
+    return counted_us + float(np.median(lead.longest_us)), lead.notes
 
 
 def _vehicles(
@@ -196,13 +213,17 @@ class _TextTable:
         self.dated = self.zoneless = False
         self._path, self._between = path, between
         self._strange = ""
+        self._cut = False
+        """True if the last row has fewer cells than the one in front of it, as where a file is cut off."""
         time = next((name for name in TIMES if name in self.names), None)
+        seen = plain(", ".join(self.names[:_MAX_NAMED]))[:_MAX_SHOWN]
         if time is None:
             wanted = ", ".join(TIMES)
-            raise ImportFileError(f"{path}: no column of times; the first line must name one of {wanted}")
+            raise ImportFileError(
+                f"{path}: no column of times; the first line must name one of {wanted}, it has {seen}"
+            )
         missing = [name for name in ("lat", "lon") if name not in self.names]
         if missing:
-            seen = ", ".join(self.names[:8])[:_MAX_SHOWN]
             raise ImportFileError(
                 f"{path}: column {missing[0]} is missing; the first line must name the columns, it has {seen}"
             )
@@ -225,6 +246,10 @@ class _TextTable:
             ImportFileError: no row has a time, or there are too many.
         """
         self._rows = np.fromiter(self._numbers(lines), np.dtype((np.float64, len(self._kept))))
+        if len(self._rows) > 1 and self._cut:
+            self._rows = self._rows[:-1]
+            self.lines.pop()
+            self.skipped["rows that are cut off"] += 1
         if len(self._rows):
             return
         if self._strange:
@@ -242,7 +267,7 @@ class _TextTable:
 
     def _numbers(self, lines: Iterator[tuple[int, str]]) -> Iterator[list[float]]:
         time = self._kept.index(self.time)
-        place, width = self._places[time], len(self.names)
+        place, width, before = self._places[time], len(self.names), 0
         for number, line in lines:
             if not line.strip():
                 continue
@@ -252,6 +277,7 @@ class _TextTable:
             if any(cells[width:]):
                 self.skipped["rows of more cells than there are columns"] += 1
                 continue
+            self._cut, before = len(cells) < before, len(cells)
             cells += [""] * (width - len(cells))
             row = self._row([cells[k] for k in self._places])
             # a date may have a comma of its own
