@@ -56,7 +56,7 @@ _GIVE = (
 )
 _LATEST_US = 4_102_444_800_000_000  # the year 2100
 _MAX_ROWS = 2_000_000
-_MAX_SHOWN = 120
+_MAX_SHOWN = 200
 _AROUND = " \t\r\n\"'"
 _MAX_NAMED, _MAX_NAME = 8, 40
 _NO_NUMBER = "cells that are no numbers"
@@ -218,7 +218,7 @@ class _TextTable:
         time = next((name for name in TIMES if name in self.names), None)
         seen = plain(", ".join(self.names[:_MAX_NAMED]))[:_MAX_SHOWN]
         if time is None:
-            wanted = ", ".join(TIMES)
+            wanted, seen = ", ".join(TIMES), seen[: _MAX_SHOWN // 2]
             raise ImportFileError(
                 f"{path}: no column of times; the first line must name one of {wanted}, it has {seen}"
             )
