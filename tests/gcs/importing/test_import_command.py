@@ -230,6 +230,14 @@ def test_what_is_there_is_not_overwritten(flown, tmp_path):
     assert "exists already" in told
 
 
+def test_a_container_that_no_session_has_is_refused_before_the_clock_is_searched(flown, tmp_path):
+    film = tmp_path / "film.wmv"
+    film.hardlink_to(flown.video)
+    code, _, told = run_gcs("import", "-o", tmp_path / "S", "--video", film, "--tlog", flown.fleet, "--uav", "no.srt")
+    assert code == 2
+    assert "film.wmv: a session's video is one of .mkv, .mp4" in told and "remux it" in told
+
+
 @pytest.mark.slow
 def test_an_import_that_breaks_off_leaves_nothing(flown, tmp_path, monkeypatch):
     """Where the disk is full, which is told of the disk that is written to, not of the film that is read."""
