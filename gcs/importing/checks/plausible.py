@@ -51,12 +51,16 @@ def plausible(log: VehicleLog) -> VehicleLog:
     reached = _reached(log.places) if log.clock != "frame" else np.ones(len(log.places), np.bool_)
     lost = int(np.count_nonzero(~reached))
     places, beyond = _within_the_air(log.places.select(reached) if lost else log.places)
+    words: tuple[str, ...] = ()
+    if len(places) >= _MIN_ROWS and not places.alt_m.any():
+        places = replace(places, alt_m=np.full(len(places), np.nan))
+        words = ("its altitudes are all 0, which stands for unknown ones",)
     places, heights = _without_spikes(places)
     places, strange = _moving_as_reported(_with_heights(places)) if log.clock != "frame" else (places, 0)
-    words: tuple[str, ...] = ()
     stale = 0
     if log.clock != "frame":
-        words, stays_put = place_words(places, log.clock)
+        more, stays_put = place_words(places, log.clock)
+        words = (*words, *more)
         stale, places = int(np.count_nonzero(stays_put)), places.select(~stays_put)
     attitudes, body = _still(log.attitudes)
     gimbal, camera = _still(log.gimbal)
