@@ -38,6 +38,7 @@ _NEAR_M, _STEPS = 2.0, 3.0
 _FAR_M, _FASTEST_MPS = 30.0, 40.0
 """Distance out of its path, and speed of the way back, that nothing exceeds."""
 _YEAR_FIRST = re.compile(r"^(\d{4})[/.](\d{2})[/.](\d{2})", re.ASCII)
+_UTC = re.compile(r" ?(?:UTC|GMT)$")
 _MAX_SHOWN = 3
 
 
@@ -295,7 +296,7 @@ def unix_seconds(text: str) -> tuple[float, bool]:
     The year may have slashes or points behind it: only where it comes first is it clear which the month is.
     """
     try:
-        when = datetime.fromisoformat(_YEAR_FIRST.sub(r"\1-\2-\3", text.strip()))
+        when = datetime.fromisoformat(_UTC.sub("Z", _YEAR_FIRST.sub(r"\1-\2-\3", text.strip())))
     except ValueError:
         return float("nan"), True
     return (when if when.tzinfo else when.replace(tzinfo=UTC)).timestamp(), when.tzinfo is not None

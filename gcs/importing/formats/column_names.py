@@ -34,7 +34,7 @@ _NAMES = {
     "hae_m": (
         *("hae", "alt_hae", "altitude_hae", "ellipsoid_height", "height_ellipsoid", "alt_ellipsoid", "field.altitude"),
     ),
-    "time": ("timestamp", "utc", "datetime", "custom.updatetime", "%time"),
+    "time": ("timestamp", "utc", "datetime", "custom.updatetime"),
     "time_us": ("t_us", "unix_us", "timestamp_us"),
     "time_ms": ("timestamp_ms",),
     "time_ns": ("timestamp_ns",),
@@ -68,7 +68,7 @@ KNOWN = frozenset(_NAMES) | {"frame", "hfov_deg", "vn_mps", "ve_mps", "vd_mps", 
 _TO_DEG, _TO_M, _TO_MPS = math.degrees(1.0), 0.3048, 1852.0 / 3600.0
 _SCALED = {
     **{"rad": ("_deg", _TO_DEG), "radians": ("_deg", _TO_DEG), "cdeg": ("_deg", 0.01), "e7": ("", 1e-7)},
-    **{"deg": ("_deg", 1.0), "degrees": ("_deg", 1.0)},
+    **{"deg": ("_deg", 1.0), "degrees": ("_deg", 1.0), "°": ("_deg", 1.0)},
     **{"mm": ("_m", 1e-3), "cm": ("_m", 0.01), "ft": ("_m", _TO_M), "feet": ("_m", _TO_M)},
     **{"m": ("_m", 1.0), "meters": ("_m", 1.0), "metres": ("_m", 1.0)},
     **{"m/s": ("_mps", 1.0), "mps": ("_mps", 1.0), "cm/s": ("_mps", 0.01), "mph": ("_mps", 0.44704)},
@@ -78,7 +78,7 @@ _SCALED = {
 }
 """Units, the ending that a column of ours of that kind has, and the factor."""
 _IN_BRACKETS = re.compile(r"[ _]*[\[(]([^\])]{1,20})[\])]$")
-_AROUND = " \t\r\n\"'\ufeff"
+_AROUND = " \t\r\n\"'\ufeff#%"
 _HIGHEST_M = 20_000.0
 _MIN_E7 = 1e5
 """Coordinates in 1e-7 degrees; smaller ones would be on the equator."""

@@ -16,9 +16,10 @@ import csv
 import math
 from array import array
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import closing
 from dataclasses import replace
+from itertools import chain, islice
 from pathlib import Path
 
 import numpy as np
@@ -55,6 +56,8 @@ _GIVE = (
     "give Unix time, ISO 8601, or elapsed_s since the film's first frame"
 )
 _LATEST_US = 4_102_444_800_000_000  # the year 2100
+_MAX_HEAD = 40
+"""Lines among which the names of the columns are."""
 _MAX_ROWS = 2_000_000
 _MAX_SHOWN = 200
 _AROUND = " \t\r\n\"'"
@@ -118,13 +121,9 @@ def read_csv(path: Path) -> list[VehicleLog]:
     """
     with closing(text_lines(path)) as text:
         lines = enumerate(text, 1)
-        _, header = next(lines, (0, ""))
-        if header.strip(_AROUND + "\ufeff").lower().startswith("sep="):
-            _, header = next(lines, (0, ""))  # Excel tells itself what separates cells
-        between = max(",;\t", key=header.count)
-        cells = _cells(header, between)
+        between, cells, begun = _header(lines)
         table = _TextTable(path, between, cells)
-        table.read(lines)
+        table.read(chain(begun, lines))
     by_name, assumed = in_our_units(table.columns(), cells, f"{path}")
     where = f"{path}: column {cells[table.names.index(table.time)].strip(_AROUND)}"
     times, clock, time_notes = unix_us(table.time, by_name[table.time], dated=table.dated, where=where)
@@ -138,6 +137,20 @@ def read_csv(path: Path) -> list[VehicleLog]:
     found = (f"columns left alone: {', '.join(unread[:_MAX_NAMED])}{more}",) if unread else ()
     notes = ImportNotes(found=found, assumed=assumed, skipped=table.skipped)
     return _vehicles(path, by_name, t_us, clock, notes, np.array(table.lines, np.int64))
+
+
+def _header(lines: Iterator[tuple[int, str]]) -> tuple[str, list[str], list[tuple[int, str]]]:
+    """Find the sign between cells, the names of the columns, and the lines behind them that were read.
+
+    In front of the names a writer may tell of itself; where no line names a time and a place, it is the first.
+    """
+    first = [(number, line) for number, line in islice(lines, _MAX_HEAD) if line.strip(_AROUND + "\ufeff")]
+    tables = [(between, _cells(line, between)) for _, line in first for between in [max(",;\t", key=line.count)]]
+    for row, (between, cells) in enumerate(tables):
+        names = {column_of(cell)[0] for cell in cells}
+        if {"lat", "lon"} <= names and not names.isdisjoint(TIMES):
+            return between, cells, first[row + 1 :]
+    return *next(iter(tables), (",", [""])), []
 
 
 def _between_seconds(times: Floats, counted_us: Floats) -> tuple[Floats, tuple[str, ...]]:
@@ -188,7 +201,8 @@ def _vehicles(
         log_notes = replace(notes, assumed=(*assumed, *ordered.assumed), skipped=left_out)
         logs.append(_log(path, int(system_id), ordered.t_us, clock, part, log_notes))
     if not logs:
-        why = f"system ids are 1 to 255, not {owner[good][0]:g}" if good.any() else "its times are none of 1970 to 2099"
+        other = "words" if np.isnan(owner[good]).all() else f"{owner[good][0]:g}"
+        why = f"system ids are 1 to 255, not {other}" if good.any() else "its times are none of 1970 to 2099"
         raise ImportFileError(f"{path}: no row in it that can be used: {why}")
     return logs
 
@@ -239,7 +253,7 @@ class _TextTable:
         """Columns by our names, NaN for cells that are empty or no number."""
         return dict(zip(self._kept, self._rows.T * self._factors[:, None], strict=True))
 
-    def read(self, lines: Iterator[tuple[int, str]]) -> None:
+    def read(self, lines: Iterable[tuple[int, str]]) -> None:
         """Read all rows.
 
         Raises:
@@ -265,7 +279,7 @@ class _TextTable:
         )
         raise ImportFileError(f"{self._path}: no row in it that can be used: {why}")
 
-    def _numbers(self, lines: Iterator[tuple[int, str]]) -> Iterator[list[float]]:
+    def _numbers(self, lines: Iterable[tuple[int, str]]) -> Iterator[list[float]]:
         time = self._kept.index(self.time)
         place, width, before = self._places[time], len(self.names), 0
         for number, line in lines:
@@ -277,12 +291,13 @@ class _TextTable:
             if any(cells[width:]):
                 self.skipped["rows of more cells than there are columns"] += 1
                 continue
-            self._cut, before = len(cells) < before, len(cells)
+            shorter, before = len(cells) < before, len(cells)
             cells += [""] * (width - len(cells))
             row = self._row([cells[k] for k in self._places])
             # a date may have a comma of its own
             row[time] = row[time] if math.isfinite(row[time]) else self._date(cells[place])
             if math.isfinite(row[time]):
+                self._cut = shorter
                 self.lines.append(number)
                 yield row
             else:

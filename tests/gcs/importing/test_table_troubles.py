@@ -112,6 +112,12 @@ def assert_whole(log, rows=ROWS, within_us=1):
             lambda k, *p: f"{iso(k)},{p[0]},{p[1]},{p[2]},478",
             "above the ellipsoid are not taken",
         ),
+        # what writers put in front, and numpy's comment sign
+        (
+            "Flight log of a rover\n\nDriver;Max\n# time,Latitude (°),Longitude (°),alt",
+            lambda k, *p: f"{iso(k, ' UTC').replace('T', ' ', 1)},{p[0]},{p[1]},{p[2]}",
+            "",
+        ),
         # hundreds of columns
         (
             f"time,{','.join(f'BATTERY.cell{n}Voltage' for n in range(400))},lat,lon,alt",
@@ -313,6 +319,19 @@ def test_a_row_that_is_cut_off_is_left_out(tmp_path):
     log = read(tmp_path, text[: text.rindex(",") - 6])
     assert_whole(log, ROWS - 1)
     assert log.notes.skipped == {"rows that are cut off": 1}
+    # a row that is none is not the one that counts
+    log = read(tmp_path, text + 100 * "\0")
+    assert_whole(log)
+    assert log.notes.skipped == {"rows without a time": 1}
+
+
+def test_waypoints_are_counted(tmp_path):
+    rows = [(iso(k), *path_of(k)) for k in range(9)]
+    way = f'<wpt lat="47" lon="8"><time>{iso(0)}</time></wpt>'
+    log = read(tmp_path, gpx_of(rows).replace("<trk>", way + "<trk>"), "rover.gpx")
+    assert len(log.places) == 9 and log.notes.skipped == {"points that are of no track": 1}
+    with pytest.raises(ImportFileError, match="1 points that are of no track"):
+        read(tmp_path, f"<gpx>{way}</gpx>", "rover.gpx")
 
 
 def test_a_table_of_ros_counts_altitudes_from_the_ellipsoid(tmp_path):
