@@ -87,6 +87,16 @@ class FleetTlog:
         """Ids of all who send."""
         return frozenset(map(int, np.unique(self.tlog.index.system_id)))
 
+    @property
+    def unnamed(self) -> tuple[str, ...]:
+        """Senders of positions that are neither aircraft nor ground vehicles, in words."""
+        rows, _ = self.tlog.columns(_GLOBAL_POSITION)
+        reporting = set(np.unique(self.tlog.index.system_id[rows]).tolist())
+        return tuple(
+            f"system {i}, which reports positions, and in no heartbeat that it drives or flies"
+            for i in sorted(reporting.difference(self.aircraft, self.ground))
+        )
+
     def places(self, system_id: int) -> PlaceTrack:
         """Positions of a vehicle by arrival, Unix µs."""
         return self.tracks[system_id]

@@ -111,18 +111,36 @@ def read_ground_vehicles(tlog: Path | None, ugv: Sequence[str]) -> GroundVehicle
                 raise ImportFileError(
                     f"--ugv {word}: {log.source} does not know the date, so that it cannot be put beside the others"
                 )
+            check_own_log(log, logs)
             logs[system_id] = log
     fleet = open_fleet(tlog) if tlog is not None else None
     places = {i: fleet.places(i) for i in fleet.ground} if fleet is not None else {}
     places |= {i: log.places for i, log in logs.items()}
     places = {i: track for i, track in places.items() if len(track)}
     if not places:
-        raise ImportFileError(f"{tlog}: no ground vehicle reports a position in it")
+        others = [] if fleet is None else [*(f"system {i}, which flies" for i in fleet.aircraft), *fleet.unnamed]
+        there = f" ({'; '.join(others)})" if others else ""
+        raise ImportFileError(f"{tlog}: no ground vehicle reports a position in it{there}")
     tracks = {} if fleet is None else fleet.tracks
     contradictions = tuple(words for i, log in logs.items() if i in tracks for words in clock_words(log, tracks[i]))
     return GroundVehicles(
         places=dict(sorted(places.items())), tlog=fleet, logs=dict(sorted(logs.items())), contradictions=contradictions
     )
+
+
+def check_own_log(log: VehicleLog, others: Mapping[int, VehicleLog]) -> None:
+    """See that a log is not that of another vehicle as well.
+
+    Raises:
+        ImportFileError: one has the same positions at the same times.
+    """
+    for system_id, other in others.items():
+        mine, its = log.places, other.places
+        if all(np.array_equal(getattr(mine, name), getattr(its, name)) for name in ("t_us", "lat_deg", "lon_deg")):
+            raise ImportFileError(
+                f"{log.source}: the same positions at the same times as in {other.source} of system {system_id}; is "
+                "one log given for two vehicles?"
+            )
 
 
 def clock_words(log: VehicleLog, telemetry: PlaceTrack) -> tuple[str, ...]:

@@ -324,7 +324,7 @@ def open_video(path: Path) -> InputContainer:
     """A container with a video stream in it; FFmpeg's messages are off, as they would overwrite the screen."""
     av.logging.set_level(av.logging.PANIC)
     if not path.is_file():
-        raise VideoError(f"video {path}: no such file")
+        raise VideoError(f"video {path}: {'not a file' if path.exists() else 'no such file'}")
     if path.stat().st_size == 0:
         raise VideoError(f"video {path}: the file is empty")
     try:

@@ -172,6 +172,7 @@ def test_tables_of_poses_and_positions(kind, flown, tmp_path):
         (["0=rover.bin"], "1 to 255"),
         (["undated.bin"], "does not know the date"),
         (["nameless.gpx"], "no system id"),
+        (["11=nameless.gpx", "12=nameless.gpx"], "is one log given for two vehicles?"),
         (["absent.bin"], "no such file"),
     ],
 )
@@ -222,6 +223,14 @@ def test_the_gimbal_of_an_enterprise_drone_gives_the_heading(flown, tmp_path):
     log = Tlog.open(session / "telemetry.tlog")
     assert len(log.columns(30, 1)[0]) == len(log.columns(285, 1)[0]) == FRAMES
     assert right_of(session, flown, tmp_path).right >= RIGHT
+
+
+def test_a_rovers_log_is_not_that_of_the_uav(flown, tmp_path):
+    rover = tmp_path / "rover.gpx"
+    rover.write_text(gpx(flown, (11,)))
+    code, _, told = run_gcs("import", "-o", tmp_path / "S", "--video", flown.video, "--uav", rover, "--ugv", rover)
+    assert code == 2
+    assert "the same positions at the same times as in rover.gpx (UGV-11) of system 11" in told
 
 
 def test_what_is_there_is_not_overwritten(flown, tmp_path):
@@ -348,7 +357,9 @@ def test_who_is_in_the_telemetry_and_not_in_the_mission(flown, tmp_path):
     code, told, _ = run_gcs(*words, "--clock=+0", "--fov", FOV_DEG, "--json")
     assert code == 0
     report = json.loads(told)
-    assert report["found"]["not in the mission"] == ("system 99, which reports no position; system 1, another aircraft")
+    assert report["found"]["not in the mission"] == (
+        "system 99, which reports no position (GLOBAL_POSITION_INT); system 1, another aircraft"
+    )
     assert (report["uav"], report["ugv"]) == (2, list(UGVS))
 
 

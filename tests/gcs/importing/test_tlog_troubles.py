@@ -143,6 +143,18 @@ def test_two_vehicles_with_one_system_id_are_told(component, kind, words, tmp_pa
     assert open_fleet(path).assumptions(without=(11,)) == ()
 
 
+def test_who_reports_positions_and_not_what_it_is_is_told(tmp_path):
+    path, speaker = written(tmp_path / "fleet.tlog", systems=(11,)), MavlinkEncoder(14)
+    report = speaker.global_position_int(60_000, *path_of(0), 0.0, (2.0, 0.0, 0.0), 0.0)
+    path.write_bytes(path.read_bytes() + struct.pack(">Q", T0 + STEPS * 200_000) + report)
+    said = "system 14, which reports positions, and in no heartbeat that it drives or flies"
+    assert open_fleet(path).unnamed == (said,)
+    (tmp_path / "alone.tlog").write_bytes(struct.pack(">Q", T0) + report)
+    with pytest.raises(ImportFileError) as error:
+        read_ground_vehicles(tmp_path / "alone.tlog", ())
+    assert str(error.value).endswith(f"no ground vehicle reports a position in it ({said})")
+
+
 @pytest.mark.parametrize("by_s", [0.3, -0.3])
 def test_a_step_that_one_vehicle_alone_shows_may_be_its_own(by_s, tmp_path):
     fleet = open_fleet(written(tmp_path / "fleet.tlog", set_back_s=by_s, systems=(11,)))
