@@ -30,8 +30,9 @@ Rows = NDArray[np.void]
 
 _WANTED = ("GPS", "GPA", "POS", "ATT", "MNT", "XKF1", "XKF4", "NKF1", "NKF4", "PARM")
 _GPS_EPOCH_S, _WEEK_S = 315_964_800, 604_800
-_LEAP_S, _LEAPS_S = 18, (1_435_708_800, 1_483_228_800)
-"""Leap seconds now, and Unix seconds from which on there was one more: July 2015 and January 2017."""
+_LEAP_S, _LEAPS = 18, ((1_341_100_800, 16), (1_435_708_800, 17), (1_483_228_800, 18))
+"""Leap seconds now, and Unix seconds from which on there were so many; an earlier date is one whose weeks have begun
+again."""
 _MAX_WEEKS = 10_000
 """Year 2171."""
 _FIX_3D = 3
@@ -187,7 +188,7 @@ def _zero_us(tables: DataflashTables) -> tuple[int | None, tuple[str, ...], int]
         return None, (), 0
     gps_us = fixes["GWk"].astype(np.int64) * (_WEEK_S * 1_000_000) + fixes["GMS"].astype(np.int64) * 1000
     middle_s = _GPS_EPOCH_S + int(gps_us[len(gps_us) // 2]) // 1_000_000
-    leap_s = _LEAP_S - sum(middle_s - _LEAP_S < since_s for since_s in _LEAPS_S)
+    leap_s = max((leap_s for since_s, leap_s in _LEAPS if middle_s >= since_s), default=_LEAP_S)
     unix_us = gps_us + (_GPS_EPOCH_S - leap_s) * 1_000_000
     lead = clock_lead("GPS time", "the log's own clock", unix_us, _times(fixes), latest_us=_LATEST_FIX_US)
     return int(np.quantile(lead.longest_us, _LATEST, method="nearest")), lead.notes, leap_s

@@ -154,16 +154,22 @@ def _header(lines: Iterator[tuple[int, str]]) -> tuple[str, list[str], list[tupl
 
 
 def _between_seconds(times: Floats, counted_us: Floats) -> tuple[Floats, tuple[str, ...]]:
-    """Times of rows whose dates are whole seconds by the count beside them, and what was assumed; else as they are.
+    """Times of rows that share dates of whole seconds by the count beside them, and what was assumed; else as they are.
 
     Args:
         times: (n,) Unix µs.
         counted_us: (n,) since any moment, NaN unknown.
     """
-    if (times % 1e6).any() or not np.isfinite(counted_us).all():
+    if (times % 1e6).any() or len(np.unique(times)) * 2 > len(times) or not np.isfinite(counted_us).all():
         return times, ()
-    counted = np.rint(counted_us).astype(np.int64)
-    lead = clock_lead("the date", "the count beside it", times.astype(np.int64), counted, cut=True)
+    ahead_us = times - counted_us
+    # each date is that of its row or up to a second earlier
+    least_us, most_us = float(ahead_us.max()), float(ahead_us.min()) + 1e6
+    if least_us <= most_us:
+        within_s = 0.5e-6 * (most_us - least_us)
+        words = f"dates are whole seconds: rows are placed by the milliseconds beside them, ±{within_s:.2f} s"
+        return counted_us + 0.5 * (least_us + most_us), (words,)
+    lead = clock_lead("the date", "the count beside it", *(np.rint(t).astype(np.int64) for t in (times, counted_us)))
     return counted_us + float(np.median(lead.longest_us)), lead.notes
 
 

@@ -66,7 +66,9 @@ def test_a_date_that_steps_is_that_which_holds_longest(flown, tmp_path):
     assert said.startswith("GPS time steps by -3600.00 s")
 
 
-@pytest.mark.parametrize(("since", "leap_s"), [("2014-05-01", 16), ("2016-05-01", 17), ("2018-05-01", 18)])
+@pytest.mark.parametrize(
+    ("since", "leap_s"), [("2014-05-01", 16), ("2016-05-01", 17), ("2018-05-01", 18), ("2007-05-01", 18)]
+)
 def test_leap_seconds_are_those_of_the_day(since, leap_s, tmp_path):
     drive = Straight()
     written_us = drive.t_us - drive.t_us[0] + int(datetime.fromisoformat(f"{since}+00:00").timestamp()) * 1_000_000

@@ -310,8 +310,19 @@ def test_whole_seconds_with_a_count_beside_them_are_placed_by_it(tmp_path):
     )
     log = read(tmp_path, text)
     assert len(log.places) == len(kept)
-    assert np.abs(log.places.t_us - T0_S * 1_000_000 - np.array(kept) * 100_000).max() <= 100_000
-    assert log.notes.assumed == ("the date is cut to whole seconds: ±0.05 s",)
+    assert np.abs(log.places.t_us - T0_S * 1_000_000 - np.array(kept) * 100_000).max() <= 50_000
+    (said,) = log.notes.assumed
+    assert said == "dates are whole seconds: rows are placed by the milliseconds beside them, ±0.05 s"
+    # a date that was set
+    later = text.replace("08:53:2", "08:52:2")
+    log = read(tmp_path, later)
+    assert np.abs(log.places.t_us - T0_S * 1_000_000 - np.array(kept) * 100_000).max() <= 150_000
+    assert re.search(r"the date steps by \+(59\.9|60\.0)", "; ".join(log.notes.assumed))
+    # one row a second: nothing tells that dates are cut
+    text = "time(millisecond),datetime(utc),latitude,longitude\n" + "".join(
+        f"{1000 * k},2025-10-09 08:53:{20 + k},{path_of(k)[0]},{path_of(k)[1]}\n" for k in range(30)
+    )
+    assert (read(tmp_path, text).places.t_us == (T0_S + np.arange(30)) * 1_000_000).all()
 
 
 def test_a_row_that_is_cut_off_is_left_out(tmp_path):
