@@ -21,6 +21,8 @@ LAST_ID = 255
 _SEARCHES = ((3_000_000, 20_000), (20_000_000, 50_000))
 """Reaches of searches either way and their steps, µs; leap seconds are within the second one."""
 _LEAP_US = 18_000_000
+_WHERE = ("t_us", "lat_deg", "lon_deg", "alt_m", "height_m")
+"""Columns that are the same in two logs of one vehicle."""
 _MIN_AHEAD_US = 100_000
 _MIN_SHARED, _MAX_SHARED, _MIN_WAY_M = 10, 1000, 5.0
 """Least and most positions that are compared, and the least way of the vehicle: less tells no offset."""
@@ -111,7 +113,7 @@ def read_ground_vehicles(tlog: Path | None, ugv: Sequence[str]) -> GroundVehicle
                 raise ImportFileError(
                     f"--ugv {word}: {log.source} does not know the date, so that it cannot be put beside the others"
                 )
-            check_own_log(log, logs)
+            _check_own_log(log, logs)
             logs[system_id] = log
     fleet = open_fleet(tlog) if tlog is not None else None
     places = {i: fleet.places(i) for i in fleet.ground} if fleet is not None else {}
@@ -128,7 +130,7 @@ def read_ground_vehicles(tlog: Path | None, ugv: Sequence[str]) -> GroundVehicle
     )
 
 
-def check_own_log(log: VehicleLog, others: Mapping[int, VehicleLog]) -> None:
+def _check_own_log(log: VehicleLog, others: Mapping[int, VehicleLog]) -> None:
     """See that a log is not that of another vehicle as well.
 
     Raises:
@@ -136,7 +138,7 @@ def check_own_log(log: VehicleLog, others: Mapping[int, VehicleLog]) -> None:
     """
     for system_id, other in others.items():
         mine, its = log.places, other.places
-        if all(np.array_equal(getattr(mine, name), getattr(its, name)) for name in ("t_us", "lat_deg", "lon_deg")):
+        if all(np.array_equal(getattr(mine, name), getattr(its, name), equal_nan=True) for name in _WHERE):
             raise ImportFileError(
                 f"{log.source}: the same positions at the same times as in {other.source} of system {system_id}; is "
                 "one log given for two vehicles?"

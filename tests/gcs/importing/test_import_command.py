@@ -225,14 +225,6 @@ def test_the_gimbal_of_an_enterprise_drone_gives_the_heading(flown, tmp_path):
     assert right_of(session, flown, tmp_path).right >= RIGHT
 
 
-def test_a_rovers_log_is_not_that_of_the_uav(flown, tmp_path):
-    rover = tmp_path / "rover.gpx"
-    rover.write_text(gpx(flown, (11,)))
-    code, _, told = run_gcs("import", "-o", tmp_path / "S", "--video", flown.video, "--uav", rover, "--ugv", rover)
-    assert code == 2
-    assert "the same positions at the same times as in rover.gpx (UGV-11) of system 11" in told
-
-
 def test_what_is_there_is_not_overwritten(flown, tmp_path):
     code, _, told = run_gcs(*import_words(flown, tmp_path))
     assert code == 2
