@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from gcs.importing.checks.row_times import gaps
 from infra.plain_text import plain
-from vision.video.frame_index import film_stream, first_picture, open_video
+from vision.video.frame_index import count_films, film_stream, first_picture, open_video
 from vision.video.video import VideoFile
 
 _MODEL_TAGS = ("encoder", "model", "com.apple.quicktime.model", "com.android.model")
@@ -60,7 +60,7 @@ def open_film(path: Path) -> ImportedFilm:
         aspect, shown_as = video.aspect, video.shown_as
     with closing(open_video(path)) as container:
         transfer = _HDR.get(film_stream(container).codec_context.color_trc)
-        others = sum(track.frames > 1 for track in container.streams.video) - 1
+        others = count_films(container) - 1
         tags = {name.lower(): value for name, value in container.metadata.items()}
     return ImportedFilm(
         path=path,

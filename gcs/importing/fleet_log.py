@@ -15,10 +15,10 @@ from gcs.errors import ImportFileError
 from gcs.importing.checks.plausible import place_words
 from gcs.importing.checks.row_times import RowTimes, ascending, check_one_clock, numbered, row_times
 from gcs.importing.messages import TlogRecord
-from gcs.importing.vehicle_log import AngleTrack, ImportNotes, PlaceTrack, VehicleLog, in_order, whole_places
+from gcs.importing.vehicle_log import AngleTrack, ImportNotes, PlaceTrack, VehicleLog, in_order
 from mavlink.estimation.gimbal import yaw_frame
 from mavlink.geodesy import euler_from_quaternion
-from mavlink.protocol.modes import is_aircraft, is_ground_vehicle, is_vehicle
+from mavlink.protocol.modes import is_aircraft, is_ground_vehicle, is_vehicle, kind_name
 from mavlink.tlog.clocks import dated_by_senders, sender_clocks
 from mavlink.tlog.log import Tlog
 
@@ -56,6 +56,8 @@ class FleetTlog:
     """Places of the vehicles, by system id, by arrival, Unix µs."""
     about_clock: tuple[str, ...] = ()
     """Sentence about the recorder's clock."""
+    rivals: Mapping[int, str] = field(default_factory=lambda: MappingProxyType({}))
+    """Sentence on another vehicle that has the same id, by system id."""
     judged: Mapping[int, RowTimes] = field(default_factory=lambda: MappingProxyType({}))
     """Times and positions of the vehicles as checked, by system id; rows that are on no path stay in the log."""
 
@@ -69,7 +71,8 @@ class FleetTlog:
             if i not in without
             for text in (*judged.assumed, *place_words(self.tracks[i], "utc")[0])
         )
-        return (*(f"{name}: {text}" for text in self.about_clock), *of_vehicles)
+        of_ids = (f"{name}, system {i}: {text}" for i, text in self.rivals.items() if i not in without)
+        return (*(f"{name}: {text}" for text in self.about_clock), *of_ids, *of_vehicles)
 
     def skipped(self, of: Collection[int]) -> dict[str, int]:
         """Count the positions of some vehicles that are on no path, by reason, and damaged bytes."""
@@ -83,6 +86,16 @@ class FleetTlog:
     def system_ids(self) -> frozenset[int]:
         """Ids of all who send."""
         return frozenset(map(int, np.unique(self.tlog.index.system_id)))
+
+    @property
+    def unnamed(self) -> tuple[str, ...]:
+        """Senders of positions that are neither aircraft nor ground vehicles, in words."""
+        rows, _ = self.tlog.columns(_GLOBAL_POSITION)
+        reporting = set(np.unique(self.tlog.index.system_id[rows]).tolist())
+        return tuple(
+            f"system {i}, which reports positions, and in no heartbeat that it drives or flies"
+            for i in sorted(reporting.difference(self.aircraft, self.ground))
+        )
 
     def places(self, system_id: int) -> PlaceTrack:
         """Positions of a vehicle by arrival, Unix µs."""
@@ -122,25 +135,40 @@ def open_fleet(path: Path) -> FleetTlog:
     tlog = Tlog.open(path)
     t_us, clock, about_clock = _on_one_clock(tlog)
     rows, wire = tlog.columns(_HEARTBEAT)
-    kinds: dict[int, int] = {}
-    autopilots: dict[int, int] = {}
     senders = zip(tlog.index.system_id[rows].tolist(), tlog.index.component_id[rows].tolist(), strict=True)
     beats = zip(senders, wire["type"].tolist(), wire["autopilot"].tolist(), strict=True)
+    heard: dict[int, dict[tuple[int, int], None]] = {}
+    """Components and kinds of the vehicles, in the order in which they were first heard, by system id."""
     for (system_id, component_id), kind, autopilot in beats:
-        if is_vehicle(kind, autopilot):
-            kinds.setdefault(system_id, kind)
-            autopilots.setdefault(system_id, component_id)
+        if is_vehicle(kind, autopilot) and (is_aircraft(kind) or is_ground_vehicle(kind)):
+            heard.setdefault(system_id, {})[component_id, kind] = None
+    first = {system_id: next(iter(vehicles)) for system_id, vehicles in heard.items()}
+    autopilots = {system_id: component_id for system_id, (component_id, _) in first.items()}
+    kinds = {system_id: kind for system_id, (_, kind) in first.items()}
     fleet = FleetTlog(
         tlog=tlog,
         t_us=t_us,
         autopilots=autopilots,
         clock=clock,
         about_clock=about_clock,
+        rivals={i: words for i, vehicles in heard.items() for words in _rivals(vehicles)},
         aircraft=tuple(sorted(i for i, kind in kinds.items() if is_aircraft(kind))),
         ground=tuple(sorted(i for i, kind in kinds.items() if is_ground_vehicle(kind))),
         tracks={},
     )
     return _with_tracks(fleet)
+
+
+def _rivals(vehicles: Collection[tuple[int, int]]) -> Iterator[str]:
+    """Return a sentence on where two vehicles have one system id, by the components and kinds of its heartbeats."""
+    component_ids = sorted({component_id for component_id, _ in vehicles})
+    kinds = list(dict.fromkeys(kind_name(kind) for _, kind in vehicles))
+    first, _ = next(iter(vehicles))
+    if len(component_ids) > 1:
+        named = " and ".join(map(str, component_ids))
+        yield f"components {named} are both its autopilot: two vehicles with one id? component {first} counts"
+    elif len(kinds) > 1:
+        yield f"its heartbeats are of a {' and of a '.join(kinds)}: two vehicles with one id? it counts as a {kinds[0]}"
 
 
 def _with_tracks(fleet: FleetTlog) -> FleetTlog:
@@ -152,18 +180,32 @@ def _with_tracks(fleet: FleetTlog) -> FleetTlog:
     tracks, judged = dict[int, PlaceTrack](), dict[int, RowTimes]()
     for system_id in (*fleet.aircraft, *fleet.ground):
         places, own_us = _track(fleet, system_id)
-        at = np.column_stack([places.lat_deg, places.lon_deg])
-        whose = f"{fleet.tlog.path.name}, system {system_id}"
         if len(places):
             rows, _ = fleet.rows(_GLOBAL_POSITION, system_id)
-            at_byte = numbered("byte", fleet.tlog.index.offset[rows])
-            # what is in it twice would be in the session twice
-            check_one_clock(places.t_us, whose, at_byte)
-            ordered = row_times(places.t_us, at, whose, at_byte, own_us=own_us, shared=True)
-            places = replace(places.select(ordered.rows), t_us=ordered.t_us)
-            judged[system_id] = ordered
-        tracks[system_id] = places.select(np.argsort(places.t_us, kind="stable"))
+            places, judged[system_id] = _judged(fleet, system_id, places, rows, own_us)
+        tracks[system_id] = places
     return replace(fleet, tracks=tracks, judged=judged)
+
+
+def _judged(
+    fleet: FleetTlog, system_id: int, places: PlaceTrack, rows: Ints, own_us: Ints
+) -> tuple[PlaceTrack, RowTimes]:
+    """Positions of a vehicle in order of time, and what was made of their times.
+
+    Args:
+        rows: (n,) records that they are of.
+        own_us: (n,) by the vehicle's own clock.
+
+    Raises:
+        ImportFileError: their times are of no clock.
+    """
+    at = np.column_stack([places.lat_deg, places.lon_deg])
+    whose, at_byte = f"{fleet.tlog.path.name}, system {system_id}", numbered("byte", fleet.tlog.index.offset[rows])
+    # what is in it twice would be in the session twice
+    check_one_clock(places.t_us, whose, at_byte)
+    ordered = row_times(places.t_us, at, whose, at_byte, own_us=own_us, shared=True)
+    places = replace(places.select(ordered.rows), t_us=ordered.t_us)
+    return places.select(np.argsort(places.t_us, kind="stable")), ordered
 
 
 def _track(fleet: FleetTlog, system_id: int) -> tuple[PlaceTrack, Ints]:
@@ -247,9 +289,10 @@ def _without_stamps(tlog: Tlog) -> tuple[Ints, str, tuple[str, ...]]:
     """
     t_us = dated_by_senders(tlog)
     if not len(t_us):
+        told = (tlog.columns("SYSTEM_TIME")[1]["time_unix_usec"] > 0).any()
+        why = "the dates of its vehicles (SYSTEM_TIME) step" if told else "no vehicle tells the date (SYSTEM_TIME)"
         raise ImportFileError(
-            f"{tlog.path}: its records have no time stamps, and no vehicle tells the date (SYSTEM_TIME); give the "
-            ".tlog of the same flight"
+            f"{tlog.path}: its records have no time stamps, and {why}; give the .tlog of the same flight"
         )
     text = "no time stamps in it: times are by the vehicles' own clocks (SYSTEM_TIME)"
     return t_us, "the vehicles' own, by the dates that they tell", (text,)
@@ -273,7 +316,8 @@ def read_tlog_vehicles(path: Path) -> list[VehicleLog]:
 def _vehicle_log(path: Path, fleet: FleetTlog, system_id: int) -> VehicleLog:
     places, what = fleet.places(system_id), "positions"
     if not len(places):
-        places, what = _fixes(fleet, system_id), "fixes of the receiver alone"
+        fleet, what = _with_fixes(fleet, system_id), "fixes of the receiver alone"
+        places = fleet.places(system_id)
     attitudes, gimbal = _attitudes(fleet, system_id), _gimbal(fleet, system_id)
     judged = fleet.judged.get(system_id)
     found = (
@@ -291,19 +335,33 @@ def _vehicle_log(path: Path, fleet: FleetTlog, system_id: int) -> VehicleLog:
         gimbal=gimbal,
         notes=ImportNotes(
             found=found[: 3 if len(gimbal) else 2],
-            assumed=(*fleet.about_clock, *(judged.assumed if judged else ())),
+            assumed=(
+                *fleet.about_clock,
+                *filter(None, (fleet.rivals.get(system_id),)),
+                *(judged.assumed if judged else ()),
+            ),
             skipped=fleet.skipped((system_id,)),
         ),
     )
 
 
-def _fixes(fleet: FleetTlog, system_id: int) -> PlaceTrack:
-    """Positions by GPS_RAW_INT, of a vehicle that estimates no position."""
-    t_us, wire = fleet.columns(_GPS_RAW, system_id)
-    lat, lon = wire["lat"] * 1e-7, wire["lon"] * 1e-7
-    rows = np.flatnonzero((wire["fix_type"] >= _FIX_3D) & whole_places(lat, lon))
-    rows = rows[np.argsort(t_us[rows], kind="stable")]
-    return PlaceTrack.of(t_us[rows], lat[rows], lon[rows], alt_m=wire["alt"][rows] * 1e-3)
+def _with_fixes(fleet: FleetTlog, system_id: int) -> FleetTlog:
+    """Return the log with the positions by GPS_RAW_INT of a vehicle that estimates none.
+
+    Raises:
+        ImportFileError: their times are of no clock.
+    """
+    rows, wire = fleet.rows(_GPS_RAW, system_id)
+    fixed = wire["fix_type"] >= _FIX_3D
+    lost, rows, wire = int(np.count_nonzero(~fixed)), rows[fixed], wire[fixed]
+    if not len(rows):
+        return fleet
+    t_us, own_us = fleet.t_us[rows], wire["time_usec"].astype(np.int64)
+    places = PlaceTrack.of(t_us, wire["lat"] * 1e-7, wire["lon"] * 1e-7, alt_m=wire["alt"] * 1e-3)
+    places, judged = _judged(fleet, system_id, places, rows, own_us if (np.diff(own_us) > 0).all() else t_us)
+    if lost:
+        judged = replace(judged, skipped={**judged.skipped, "times without a fix": lost})
+    return replace(fleet, tracks={**fleet.tracks, system_id: places}, judged={**fleet.judged, system_id: judged})
 
 
 def _std_m(fleet: FleetTlog, system_id: int) -> float:

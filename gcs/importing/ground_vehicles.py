@@ -21,6 +21,8 @@ LAST_ID = 255
 _SEARCHES = ((3_000_000, 20_000), (20_000_000, 50_000))
 """Reaches of searches either way and their steps, µs; leap seconds are within the second one."""
 _LEAP_US = 18_000_000
+_WHERE = ("t_us", "lat_deg", "lon_deg", "alt_m", "height_m")
+"""Columns that are the same in two logs of one vehicle."""
 _MIN_AHEAD_US = 100_000
 _MIN_SHARED, _MAX_SHARED, _MIN_WAY_M = 10, 1000, 5.0
 """Least and most positions that are compared, and the least way of the vehicle: less tells no offset."""
@@ -111,18 +113,36 @@ def read_ground_vehicles(tlog: Path | None, ugv: Sequence[str]) -> GroundVehicle
                 raise ImportFileError(
                     f"--ugv {word}: {log.source} does not know the date, so that it cannot be put beside the others"
                 )
+            _check_own_log(log, logs)
             logs[system_id] = log
     fleet = open_fleet(tlog) if tlog is not None else None
     places = {i: fleet.places(i) for i in fleet.ground} if fleet is not None else {}
     places |= {i: log.places for i, log in logs.items()}
     places = {i: track for i, track in places.items() if len(track)}
     if not places:
-        raise ImportFileError(f"{tlog}: no ground vehicle reports a position in it")
+        others = [] if fleet is None else [*(f"system {i}, which flies" for i in fleet.aircraft), *fleet.unnamed]
+        there = f" ({'; '.join(others)})" if others else ""
+        raise ImportFileError(f"{tlog}: no ground vehicle reports a position in it{there}")
     tracks = {} if fleet is None else fleet.tracks
     contradictions = tuple(words for i, log in logs.items() if i in tracks for words in clock_words(log, tracks[i]))
     return GroundVehicles(
         places=dict(sorted(places.items())), tlog=fleet, logs=dict(sorted(logs.items())), contradictions=contradictions
     )
+
+
+def _check_own_log(log: VehicleLog, others: Mapping[int, VehicleLog]) -> None:
+    """See that a log is not that of another vehicle as well.
+
+    Raises:
+        ImportFileError: one has the same positions at the same times.
+    """
+    for system_id, other in others.items():
+        mine, its = log.places, other.places
+        if all(np.array_equal(getattr(mine, name), getattr(its, name), equal_nan=True) for name in _WHERE):
+            raise ImportFileError(
+                f"{log.source}: the same positions at the same times as in {other.source} of system {system_id}; is "
+                "one log given for two vehicles?"
+            )
 
 
 def clock_words(log: VehicleLog, telemetry: PlaceTrack) -> tuple[str, ...]:

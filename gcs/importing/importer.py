@@ -46,7 +46,7 @@ _CLOCKS = {
     "own": "one of its own, of which no date is known",
 }
 _TIME = struct.Struct(">Q")
-_OTHER_NAMES = {".m2ts": ".ts", ".mts": ".ts", ".m4v": ".mp4", ".lrf": ".mp4"}
+_OTHER_NAMES = {".m2ts": ".ts", ".mts": ".ts", ".m4v": ".mp4", ".lrf": ".mp4", ".3gp": ".mp4", ".webm": ".mkv"}
 """Suffixes of containers that are the same under another name."""
 
 
@@ -282,6 +282,7 @@ class _Filmed:
 def _import_film(options: ImportOptions, fleet: GroundVehicles, taken: Collection[int] = ()) -> _Filmed:
     """Put a film on the fleet's time line; taken: system ids of aircraft that filmed others."""
     film = open_film(options.video)
+    _suffix(film.path)  # before minutes are spent on its clock
     if options.uav is not None and options.uav.suffix.lower() == ".toml":
         return _import_from_mast(film, options.uav, options, fleet)
     aircraft = [i for i in fleet.aircraft if i not in taken]
@@ -491,10 +492,12 @@ def _report(
 
 def _not_in_mission(fleet: GroundVehicles, films: Collection[int]) -> str:
     """Vehicles of the telemetry log that neither film nor are named, and why."""
-    silent = [i for i in fleet.tlog.ground if i not in fleet.places] if fleet.tlog is not None else []
+    if fleet.tlog is None:
+        return ""
+    silent = [i for i in fleet.tlog.ground if i not in fleet.places]
     aircraft = [i for i in fleet.aircraft if i not in films]
-    words = [f"system {i}, which reports no position" for i in silent]
-    return "; ".join([*words, *(f"system {i}, another aircraft" for i in aircraft)])
+    words = [f"system {i}, which reports no position (GLOBAL_POSITION_INT)" for i in silent]
+    return "; ".join([*words, *(f"system {i}, another aircraft" for i in aircraft), *fleet.tlog.unnamed])
 
 
 def write_imported(

@@ -7,6 +7,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
+import numpy as np
+
 from gcs.errors import ImportFileError
 from gcs.importing.checks.plausible import plausible
 from gcs.importing.fleet_log import read_tlog_vehicles
@@ -21,6 +23,7 @@ from gcs.importing.formats.px4_log import read_px4
 from gcs.importing.formats.subtitles import read_cues
 from gcs.importing.formats.text_file import LOOKED_AT, open_file
 from gcs.importing.vehicle_log import VehicleLog
+from mavlink.tlog.file_type import looks_like
 
 OTHERWISE: Final = {
     ".kmz": "a KML in a ZIP archive: unzip it and give the .kml that is in it",
@@ -45,13 +48,15 @@ def _begins(*marks: bytes) -> Callable[[bytes], bool]:
     return lambda head: any(mark in head for mark in marks)
 
 
+TLOG = LogFormat(suffixes=(".tlog", ".rlog", ".raw", ".mavlink"), read=read_tlog_vehicles)
+"""Telemetry logs: frames are found in whatever lies around them, and where there are none that is told."""
 FORMATS = (
     LogFormat(suffixes=(".srt",), maker="DJI", read=lambda path: [log_of_cues(path.name, read_cues(path))]),
     LogFormat(
         suffixes=(".bin", ".log"), maker="ArduPilot", begins=is_dataflash, read=lambda path: [read_ardupilot(path)]
     ),
     LogFormat(suffixes=(".ulg",), maker="PX4", begins=_begins(b"ULog\x01\x12\x35"), read=lambda path: [read_px4(path)]),
-    LogFormat(suffixes=(".tlog", ".rlog", ".raw", ".mavlink"), read=read_tlog_vehicles),
+    TLOG,
     LogFormat(suffixes=(".gpx",), begins=_begins(b"<gpx"), read=read_gpx),
     LogFormat(suffixes=(".kml",), begins=_begins(b"<kml"), read=read_kml),
     LogFormat(suffixes=(".nmea",), begins=is_nmea, read=read_nmea),
@@ -78,10 +83,12 @@ def _format_of(path: Path) -> LogFormat:
     suffix = path.suffix.lower()
     with open_file(path) as file:
         head = file.read(LOOKED_AT)
-    known = [
-        *(each for each in FORMATS if each.begins(head)),
-        *(each for each in FORMATS if suffix in each.suffixes),
-    ]
+    if begun := [each for each in FORMATS if each.begins(head)]:
+        return begun[0]
+    known = [each for each in FORMATS if suffix in each.suffixes]
+    other = looks_like(np.frombuffer(head, np.uint8))
+    if other and suffix not in OTHERWISE and TLOG not in known:
+        raise ImportFileError(f"{path}: it begins like {other}")
     if known:
         return known[0]
     kinds = [f"{each.suffixes[0]} ({each.maker})" if each.maker else each.suffixes[0] for each in FORMATS]

@@ -14,6 +14,8 @@ _SIGNATURES = (
     (b"PK\x03\x04", _PACKED.format("zip")),
     (b"\xfd7zXZ\x00", _PACKED.format("xz")),
     (b"\x28\xb5\x2f\xfd", _PACKED.format("zstd")),
+    (b"7z\xbc\xaf", _PACKED.format("7z")),
+    (b"Rar!", _PACKED.format("rar")),
     (b"\xd4\xc3\xb2\xa1", _CAPTURE.format("pcap")),
     (b"\xa1\xb2\xc3\xd4", _CAPTURE.format("pcap")),
     (b"\x4d\x3c\xb2\xa1", _CAPTURE.format("pcap")),

@@ -5,6 +5,7 @@ Ticks are the stream's own unit of time. The index is made without decoding.
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Generator, Iterable, Iterator
 from contextlib import closing
 from dataclasses import dataclass
@@ -35,6 +36,8 @@ _AGREE = 3
 """Frames on either side of where time stamps begin again: those that are shown later than coded do not agree."""
 _MAX_TRIED = 64
 """Most packets that are decoded to find the first picture."""
+_MAX_COUNTED = 1000
+"""Most packets that are read to find out which tracks are films."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -98,6 +101,14 @@ def film_stream(container: InputContainer) -> VideoStream:
     moving = [track for track in tracks if track.frames != 1] or tracks
     best = container.streams.best("video")
     return next((track for track in moving if best is not None and track.index == best.index), moving[0])
+
+
+def count_films(container: InputContainer) -> int:
+    """Count a file's video tracks of more than one picture; where a container does not tell, by its first packets."""
+    tracks = container.streams.video
+    packets = islice(container.demux(*tracks), _MAX_COUNTED) if len(tracks) > 1 else ()
+    first = Counter(packet.stream_index for packet in packets if packet.size)
+    return sum(max(track.frames, first[track.index]) > 1 for track in tracks)
 
 
 def coded_packets(container: InputContainer, stream: VideoStream) -> Iterator[tuple[int, Packet[VideoStream]]]:
@@ -313,7 +324,7 @@ def open_video(path: Path) -> InputContainer:
     """A container with a video stream in it; FFmpeg's messages are off, as they would overwrite the screen."""
     av.logging.set_level(av.logging.PANIC)
     if not path.is_file():
-        raise VideoError(f"video {path}: no such file")
+        raise VideoError(f"video {path}: {'not a file' if path.exists() else 'no such file'}")
     if path.stat().st_size == 0:
         raise VideoError(f"video {path}: the file is empty")
     try:
@@ -322,7 +333,7 @@ def open_video(path: Path) -> InputContainer:
         raise VideoError(f"video {path}: not a video that can be read ({reason(error)})") from error
     if not container.streams.video:
         container.close()
-        raise VideoError(f"video {path}: no video stream in it")
+        raise VideoError(f"video {path}: no video stream in it; is it a film, and whole?")
     return container
 
 

@@ -46,17 +46,17 @@ _HOME_M = 1.0
 
 def plausible(log: VehicleLog) -> VehicleLog:
     """A log without what lies more than a day from most of it, and without places that it cannot have reached."""
-    log = _within_a_day(log)
+    log, words = _without_zeros(_within_a_day(log))
     # numbers of frames are no times
     reached = _reached(log.places) if log.clock != "frame" else np.ones(len(log.places), np.bool_)
     lost = int(np.count_nonzero(~reached))
     places, beyond = _within_the_air(log.places.select(reached) if lost else log.places)
     places, heights = _without_spikes(places)
     places, strange = _moving_as_reported(_with_heights(places)) if log.clock != "frame" else (places, 0)
-    words: tuple[str, ...] = ()
     stale = 0
     if log.clock != "frame":
-        words, stays_put = place_words(places, log.clock)
+        more, stays_put = place_words(places, log.clock)
+        words = (*words, *more)
         stale, places = int(np.count_nonzero(stays_put)), places.select(~stays_put)
     attitudes, body = _still(log.attitudes)
     gimbal, camera = _still(log.gimbal)
@@ -93,6 +93,25 @@ def place_words(places: PlaceTrack, clock: LogClock) -> tuple[tuple[str, ...], B
     if stale.any():
         words.append(f"{STAYS} from {at(int(np.argmax(stale)) - 1)} on")
     return tuple(words), stale
+
+
+def _without_zeros(log: VehicleLog) -> tuple[VehicleLog, tuple[str, ...]]:
+    """Return a log without columns that are 0 all the time, as of a writer that has none, and which these are, in
+    words."""
+    unset = {
+        "altitudes": log.places.alt_m,
+        "attitudes": log.attitudes.angles,
+        "angles of the gimbal": log.gimbal.angles,
+    }
+    names = [name for name, column in unset.items() if len(column) >= _MIN_ROWS and not column.any()]
+    if "altitudes" in names:
+        log = replace(log, places=replace(log.places, alt_m=np.full(len(log.places), np.nan)))
+    log = replace(
+        log,
+        attitudes=AngleTrack.empty() if "attitudes" in names else log.attitudes,
+        gimbal=AngleTrack.empty() if "angles of the gimbal" in names else log.gimbal,
+    )
+    return log, tuple(f"its {name} are all 0, which stands for unknown ones" for name in names)
 
 
 def _within_the_air(places: PlaceTrack) -> tuple[PlaceTrack, int]:

@@ -38,6 +38,7 @@ _NEAR_M, _STEPS = 2.0, 3.0
 _FAR_M, _FASTEST_MPS = 30.0, 40.0
 """Distance out of its path, and speed of the way back, that nothing exceeds."""
 _YEAR_FIRST = re.compile(r"^(\d{4})[/.](\d{2})[/.](\d{2})", re.ASCII)
+_UTC = re.compile(r" ?(?:UTC|GMT)$")
 _MAX_SHOWN = 3
 
 
@@ -275,10 +276,12 @@ def _differ(places: Floats, t_us: Ints) -> bool:
 
 
 def _spread(seconds_us: Ints, counts: Ints) -> Ints:
-    """Times of rows, ``counts`` in each second; the first second is full at its end, the others at their beginning."""
+    """Times of rows, ``counts`` in each second; the first one and those behind a hole are full at their end, the others
+    at their beginning."""
     most = np.maximum(counts, int(np.median(counts)))
-    place = np.arange(counts.sum()) - np.repeat(np.cumsum(counts) - counts, counts)
-    place[: counts[0]] += most[0] - counts[0]
+    begun_late = np.r_[True, np.diff(seconds_us) > _SECOND_US]
+    before = np.where(begun_late, most - counts, 0)
+    place = np.arange(counts.sum()) + np.repeat(before - np.cumsum(counts) + counts, counts)
     share = (place + 0.5) / np.repeat(most, counts)
     return np.asarray(np.repeat(seconds_us, counts) + np.rint(share * _SECOND_US), np.int64)
 
@@ -293,7 +296,7 @@ def unix_seconds(text: str) -> tuple[float, bool]:
     The year may have slashes or points behind it: only where it comes first is it clear which the month is.
     """
     try:
-        when = datetime.fromisoformat(_YEAR_FIRST.sub(r"\1-\2-\3", text.strip()))
+        when = datetime.fromisoformat(_UTC.sub("Z", _YEAR_FIRST.sub(r"\1-\2-\3", text.strip())))
     except ValueError:
         return float("nan"), True
     return (when if when.tzinfo else when.replace(tzinfo=UTC)).timestamp(), when.tzinfo is not None

@@ -1,6 +1,6 @@
 """ArduPilot's dataflash logs as a vehicle's log: of one that drives or of the UAV.
 
-GPS time is turned into UTC with the 18 leap seconds that have held since 2017.
+GPS time is turned into UTC with the leap seconds of its day: 18 since 2017, 17 and 16 before.
 """
 
 from __future__ import annotations
@@ -29,7 +29,10 @@ Ints = NDArray[np.int64]
 Rows = NDArray[np.void]
 
 _WANTED = ("GPS", "GPA", "POS", "ATT", "MNT", "XKF1", "XKF4", "NKF1", "NKF4", "PARM")
-_GPS_EPOCH_S, _LEAP_S, _WEEK_S = 315_964_800, 18, 604_800
+_GPS_EPOCH_S, _WEEK_S = 315_964_800, 604_800
+_LEAP_S, _LEAPS = 18, ((1_341_100_800, 16), (1_435_708_800, 17), (1_483_228_800, 18))
+"""Leap seconds now, and Unix seconds from which on there were so many; an earlier date is one whose weeks have begun
+again."""
 _MAX_WEEKS = 10_000
 """Year 2171."""
 _FIX_3D = 3
@@ -51,7 +54,7 @@ def read_ardupilot(path: Path) -> VehicleLog:
     """
     tables = read_tables(path, _WANTED)
     places, what, notes = _places(tables, path)
-    zero_us, contradictions = _zero_us(tables)
+    zero_us, contradictions, leap_s = _zero_us(tables)
     attitudes = _angles(tables.rows("ATT", "TimeUS", "Roll", "Pitch", "Yaw"), ("Roll", "Pitch", "Yaw"))
     heading = at_times(places.t_us, attitudes.t_us, attitudes.angles[:, 2], _GAP_US, turns=True)
     gimbal = _gimbal(tables)
@@ -62,7 +65,7 @@ def read_ardupilot(path: Path) -> VehicleLog:
     return VehicleLog(
         source=path.name,
         clock="own" if zero_us is None else "utc",
-        dated="" if zero_us is None else f"time since its start, with GPS time less {_LEAP_S} s beside it",
+        dated="" if zero_us is None else f"time since its start, with GPS time less {leap_s} s beside it",
         system_id=_system_id(tables.rows("PARM", "Name", "Value")),
         places=replace(places, t_us=places.t_us + shift_us, heading=heading),
         attitudes=replace(attitudes, t_us=attitudes.t_us + shift_us),
@@ -171,21 +174,24 @@ def _std_m(tables: DataflashTables) -> float:
     )
 
 
-def _zero_us(tables: DataflashTables) -> tuple[int | None, tuple[str, ...]]:
-    """Unix µs of the log's time 0, None where no receiver knew it, and in words where receivers contradict themselves.
+def _zero_us(tables: DataflashTables) -> tuple[int | None, tuple[str, ...], int]:
+    """Unix µs of the log's time 0, None where no receiver knew it, in words where receivers contradict themselves, and
+    the leap seconds of that day.
 
     What GPS time has over the log's is the same all the time; where it steps, that counts which holds longest.
     """
     fixes = _fixes(tables, "GMS", "GWk")
     if fixes is None:
-        return None, ()
+        return None, (), 0
     fixes = fixes[(fixes["GWk"] > 0) & (fixes["GWk"] < _MAX_WEEKS) & (fixes["GMS"] <= _WEEK_S * 1000)]
     if not len(fixes):
-        return None, ()
-    unix_us = (_GPS_EPOCH_S - _LEAP_S + fixes["GWk"].astype(np.int64) * _WEEK_S) * 1_000_000
-    unix_us = unix_us + fixes["GMS"].astype(np.int64) * 1000
+        return None, (), 0
+    gps_us = fixes["GWk"].astype(np.int64) * (_WEEK_S * 1_000_000) + fixes["GMS"].astype(np.int64) * 1000
+    middle_s = _GPS_EPOCH_S + int(gps_us[len(gps_us) // 2]) // 1_000_000
+    leap_s = max((leap_s for since_s, leap_s in _LEAPS if middle_s >= since_s), default=_LEAP_S)
+    unix_us = gps_us + (_GPS_EPOCH_S - leap_s) * 1_000_000
     lead = clock_lead("GPS time", "the log's own clock", unix_us, _times(fixes), latest_us=_LATEST_FIX_US)
-    return int(np.quantile(lead.longest_us, _LATEST, method="nearest")), lead.notes
+    return int(np.quantile(lead.longest_us, _LATEST, method="nearest")), lead.notes, leap_s
 
 
 def _angles(table: Rows | None, names: tuple[str, str, str]) -> AngleTrack:

@@ -18,10 +18,10 @@ from infra.plain_text import plain
 Floats = NDArray[np.float64]
 
 _NAMES = {
-    "lat": ("latitude", "lat_deg", "latitude_deg", "gps.lat", "gps_lat", "osd.latitude"),
+    "lat": ("latitude", "lat_deg", "latitude_deg", "gps.lat", "gps_lat", "osd.latitude", "field.latitude"),
     "lon": (
         *("longitude", "lng", "long", "lon_deg", "longitude_deg", "longtitude", "gps.lon", "gps_lon"),
-        "osd.longitude",
+        *("osd.longitude", "field.longitude"),
     ),
     "alt_m": (
         *("altitude", "alt", "altitude_m", "abs_alt", "ele", "elevation", "altitudeamsl", "altitude_above_sealevel"),
@@ -31,13 +31,16 @@ _NAMES = {
         *("height", "rel_alt", "relative_alt_m", "relative_alt", "altituderelative", "height_above_takeoff"),
         *("osd.height", "ascent"),
     ),
-    "hae_m": ("hae", "alt_hae", "altitude_hae", "ellipsoid_height", "height_ellipsoid", "alt_ellipsoid"),
+    "hae_m": (
+        *("hae", "alt_hae", "altitude_hae", "ellipsoid_height", "height_ellipsoid", "alt_ellipsoid", "field.altitude"),
+    ),
     "time": ("timestamp", "utc", "datetime", "custom.updatetime"),
     "time_us": ("t_us", "unix_us", "timestamp_us"),
     "time_ms": ("timestamp_ms",),
     "time_ns": ("timestamp_ns",),
     "time_s": ("unix_s",),
     "elapsed_s": ("t_s", "elapsed"),
+    "counted_ms": ("time_millisecond",),
     "speed_mps": ("groundspeed", "ground_speed", "speed", "osd.hspeed"),
     "course_deg": ("bearing", "course", "gps.courseoverground"),
     "std_m": ("h_acc", "h_acc_m", "accuracy"),
@@ -50,13 +53,22 @@ _NAMES = {
     "gimbal_pitch_deg": ("gimbal_pitch", "gimbalpitch", "gimbal.pitch"),
     "gimbal_roll_deg": ("gimbal_roll", "gimbalroll", "gimbal.roll"),
 }
-"""Other names of our columns: of QGroundControl, GPSLogger, Airdata, Litchi and what reads DJI's own records."""
+"""Other names of our columns: of QGroundControl, GPSLogger, Airdata, Litchi, ROS's ``rostopic echo -p`` (whose
+altitudes count from the ellipsoid), and what reads DJI's own records."""
+_MAVLINK = {
+    f"global_position_int.{field}": ours
+    for field, ours in {
+        **{"lat": "lat_e7", "lon": "lon_e7", "alt": "alt_mm", "relative_alt": "height_mm"},
+        **{"vx": "vn_cm/s", "vy": "ve_cm/s", "vz": "vd_cm/s"},
+    }.items()
+}
+"""Columns of MAVLink's dump as a table, and ours with their units."""
 _ALIASES = {other: ours for ours, others in _NAMES.items() for other in others}
 KNOWN = frozenset(_NAMES) | {"frame", "hfov_deg", "vn_mps", "ve_mps", "vd_mps", "id"}
 _TO_DEG, _TO_M, _TO_MPS = math.degrees(1.0), 0.3048, 1852.0 / 3600.0
 _SCALED = {
     **{"rad": ("_deg", _TO_DEG), "radians": ("_deg", _TO_DEG), "cdeg": ("_deg", 0.01), "e7": ("", 1e-7)},
-    **{"deg": ("_deg", 1.0), "degrees": ("_deg", 1.0)},
+    **{"deg": ("_deg", 1.0), "degrees": ("_deg", 1.0), "°": ("_deg", 1.0)},
     **{"mm": ("_m", 1e-3), "cm": ("_m", 0.01), "ft": ("_m", _TO_M), "feet": ("_m", _TO_M)},
     **{"m": ("_m", 1.0), "meters": ("_m", 1.0), "metres": ("_m", 1.0)},
     **{"m/s": ("_mps", 1.0), "mps": ("_mps", 1.0), "cm/s": ("_mps", 0.01), "mph": ("_mps", 0.44704)},
@@ -66,7 +78,7 @@ _SCALED = {
 }
 """Units, the ending that a column of ours of that kind has, and the factor."""
 _IN_BRACKETS = re.compile(r"[ _]*[\[(]([^\])]{1,20})[\])]$")
-_AROUND = " \t\r\n\"'\ufeff"
+_AROUND = " \t\r\n\"'\ufeff#%"
 _HIGHEST_M = 20_000.0
 _MIN_E7 = 1e5
 """Coordinates in 1e-7 degrees; smaller ones would be on the equator."""
@@ -87,6 +99,7 @@ _BY_LITCHI = "altitude counts from the take-off, as ascent stands beside it"
 def column_of(cell: str) -> tuple[str, float]:
     """Our name of a column, and what its numbers are to be multiplied by."""
     name = _lower(cell)
+    name = _MAVLINK.get(name, name)
     if name in _ALIASES or name in KNOWN:
         return _ALIASES.get(name, name), 1.0
     base, _, unit = name.rpartition("_")

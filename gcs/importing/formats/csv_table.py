@@ -16,9 +16,10 @@ import csv
 import math
 from array import array
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import closing
 from dataclasses import replace
+from itertools import chain, islice
 from pathlib import Path
 
 import numpy as np
@@ -26,6 +27,7 @@ from numpy.typing import NDArray
 
 from gcs.errors import ImportFileError
 from gcs.importing.checks.row_times import NO_ZONE, numbered, row_times, unix_seconds
+from gcs.importing.checks.two_clocks import clock_lead
 from gcs.importing.formats.column_names import KNOWN, column_of, in_our_units
 from gcs.importing.formats.text_file import text_lines
 from gcs.importing.vehicle_log import (
@@ -54,6 +56,8 @@ _GIVE = (
     "give Unix time, ISO 8601, or elapsed_s since the film's first frame"
 )
 _LATEST_US = 4_102_444_800_000_000  # the year 2100
+_MAX_HEAD = 40
+"""Lines among which the names of the columns are."""
 _MAX_ROWS = 2_000_000
 _MAX_SHOWN = 200
 _AROUND = " \t\r\n\"'"
@@ -117,16 +121,14 @@ def read_csv(path: Path) -> list[VehicleLog]:
     """
     with closing(text_lines(path)) as text:
         lines = enumerate(text, 1)
-        _, header = next(lines, (0, ""))
-        if header.strip(_AROUND + "\ufeff").lower().startswith("sep="):
-            _, header = next(lines, (0, ""))  # Excel tells itself what separates cells
-        between = max(",;\t", key=header.count)
-        cells = _cells(header, between)
+        between, cells, begun = _header(lines)
         table = _TextTable(path, between, cells)
-        table.read(lines)
+        table.read(chain(begun, lines))
     by_name, assumed = in_our_units(table.columns(), cells, f"{path}")
     where = f"{path}: column {cells[table.names.index(table.time)].strip(_AROUND)}"
     times, clock, time_notes = unix_us(table.time, by_name[table.time], dated=table.dated, where=where)
+    if table.dated and "counted_ms" in by_name:
+        times, time_notes = _between_seconds(times, by_name["counted_ms"] * 1e3)
     t_us = np.rint(np.clip(times, -1.0, _LATEST_US))
     assumed += time_notes + ((NO_ZONE,) if table.zoneless else ())
     titles = zip((plain(cell.strip(_AROUND))[:_MAX_NAME] for cell in cells), table.names, strict=True)
@@ -135,6 +137,40 @@ def read_csv(path: Path) -> list[VehicleLog]:
     found = (f"columns left alone: {', '.join(unread[:_MAX_NAMED])}{more}",) if unread else ()
     notes = ImportNotes(found=found, assumed=assumed, skipped=table.skipped)
     return _vehicles(path, by_name, t_us, clock, notes, np.array(table.lines, np.int64))
+
+
+def _header(lines: Iterator[tuple[int, str]]) -> tuple[str, list[str], list[tuple[int, str]]]:
+    """Find the sign between cells, the names of the columns, and the lines behind them that were read.
+
+    In front of the names a writer may tell of itself; where no line names a time and a place, it is the first.
+    """
+    first = [(number, line) for number, line in islice(lines, _MAX_HEAD) if line.strip(_AROUND + "\ufeff")]
+    tables = [(between, _cells(line, between)) for _, line in first for between in [max(",;\t", key=line.count)]]
+    for row, (between, cells) in enumerate(tables):
+        names = {column_of(cell)[0] for cell in cells}
+        if {"lat", "lon"} <= names and not names.isdisjoint(TIMES):
+            return between, cells, first[row + 1 :]
+    return *next(iter(tables), (",", [""])), []
+
+
+def _between_seconds(times: Floats, counted_us: Floats) -> tuple[Floats, tuple[str, ...]]:
+    """Times of rows that share dates of whole seconds by the count beside them, and what was assumed; else as they are.
+
+    Args:
+        times: (n,) Unix µs.
+        counted_us: (n,) since any moment, NaN unknown.
+    """
+    if (times % 1e6).any() or len(np.unique(times)) * 2 > len(times) or not np.isfinite(counted_us).all():
+        return times, ()
+    ahead_us = times - counted_us
+    # each date is that of its row or up to a second earlier
+    least_us, most_us = float(ahead_us.max()), float(ahead_us.min()) + 1e6
+    if least_us <= most_us:
+        within_s = 0.5e-6 * (most_us - least_us)
+        words = f"dates are whole seconds: rows are placed by the milliseconds beside them, ±{within_s:.2f} s"
+        return counted_us + 0.5 * (least_us + most_us), (words,)
+    lead = clock_lead("the date", "the count beside it", *(np.rint(t).astype(np.int64) for t in (times, counted_us)))
+    return counted_us + float(np.median(lead.longest_us)), lead.notes
 
 
 def _vehicles(
@@ -171,7 +207,8 @@ def _vehicles(
         log_notes = replace(notes, assumed=(*assumed, *ordered.assumed), skipped=left_out)
         logs.append(_log(path, int(system_id), ordered.t_us, clock, part, log_notes))
     if not logs:
-        why = f"system ids are 1 to 255, not {owner[good][0]:g}" if good.any() else "its times are none of 1970 to 2099"
+        other = "words" if np.isnan(owner[good]).all() else f"{owner[good][0]:g}"
+        why = f"system ids are 1 to 255, not {other}" if good.any() else "its times are none of 1970 to 2099"
         raise ImportFileError(f"{path}: no row in it that can be used: {why}")
     return logs
 
@@ -196,13 +233,17 @@ class _TextTable:
         self.dated = self.zoneless = False
         self._path, self._between = path, between
         self._strange = ""
+        self._cut = False
+        """True if the last row has fewer cells than the one in front of it, as where a file is cut off."""
         time = next((name for name in TIMES if name in self.names), None)
+        seen = plain(", ".join(self.names[:_MAX_NAMED]))[:_MAX_SHOWN]
         if time is None:
-            wanted = ", ".join(TIMES)
-            raise ImportFileError(f"{path}: no column of times; the first line must name one of {wanted}")
+            wanted, seen = ", ".join(TIMES), seen[: _MAX_SHOWN // 2]
+            raise ImportFileError(
+                f"{path}: no column of times; the first line must name one of {wanted}, it has {seen}"
+            )
         missing = [name for name in ("lat", "lon") if name not in self.names]
         if missing:
-            seen = ", ".join(self.names[:8])[:_MAX_SHOWN]
             raise ImportFileError(
                 f"{path}: column {missing[0]} is missing; the first line must name the columns, it has {seen}"
             )
@@ -218,13 +259,17 @@ class _TextTable:
         """Columns by our names, NaN for cells that are empty or no number."""
         return dict(zip(self._kept, self._rows.T * self._factors[:, None], strict=True))
 
-    def read(self, lines: Iterator[tuple[int, str]]) -> None:
+    def read(self, lines: Iterable[tuple[int, str]]) -> None:
         """Read all rows.
 
         Raises:
             ImportFileError: no row has a time, or there are too many.
         """
         self._rows = np.fromiter(self._numbers(lines), np.dtype((np.float64, len(self._kept))))
+        if len(self._rows) > 1 and self._cut:
+            self._rows = self._rows[:-1]
+            self.lines.pop()
+            self.skipped["rows that are cut off"] += 1
         if len(self._rows):
             return
         if self._strange:
@@ -240,9 +285,9 @@ class _TextTable:
         )
         raise ImportFileError(f"{self._path}: no row in it that can be used: {why}")
 
-    def _numbers(self, lines: Iterator[tuple[int, str]]) -> Iterator[list[float]]:
+    def _numbers(self, lines: Iterable[tuple[int, str]]) -> Iterator[list[float]]:
         time = self._kept.index(self.time)
-        place, width = self._places[time], len(self.names)
+        place, width, before = self._places[time], len(self.names), 0
         for number, line in lines:
             if not line.strip():
                 continue
@@ -252,11 +297,13 @@ class _TextTable:
             if any(cells[width:]):
                 self.skipped["rows of more cells than there are columns"] += 1
                 continue
+            shorter, before = len(cells) < before, len(cells)
             cells += [""] * (width - len(cells))
             row = self._row([cells[k] for k in self._places])
             # a date may have a comma of its own
             row[time] = row[time] if math.isfinite(row[time]) else self._date(cells[place])
             if math.isfinite(row[time]):
+                self._cut = shorter
                 self.lines.append(number)
                 yield row
             else:

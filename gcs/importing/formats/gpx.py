@@ -41,6 +41,8 @@ class _GpxReader:
             self._ele = self._time = math.nan
         elif name == "trk":
             self._tracks.end()
+        elif name in ("wpt", "rtept"):
+            self._tracks.skipped["points that are of no track"] += 1
 
 
 def read_gpx(path: Path) -> list[VehicleLog]:

@@ -7,13 +7,12 @@ it begins and ends, but not when the vehicle was where on it.
 from __future__ import annotations
 
 import math
-from collections import deque
 from collections.abc import Mapping, Sequence
 from itertools import zip_longest
 from pathlib import Path
 
 from gcs.importing.checks.row_times import NO_ZONE, unix_seconds
-from gcs.importing.formats.point_tracks import PointTracks, read_xml_tracks
+from gcs.importing.formats.point_tracks import MAX_POINTS, PointTracks, read_xml_tracks
 from gcs.importing.vehicle_log import VehicleLog
 from infra.text_numbers import number_or_nan
 
@@ -46,9 +45,9 @@ class _KmlReader:
 
     def _begin_shape(self) -> None:
         self._mode = "clampToGround"
-        self._times = deque[float]()
-        self._spots = deque[_Spot]()
-        """Points of a track that wait for each other."""
+        self._times = list[float]()
+        self._spots = list[tuple[_Spot, int]]()
+        """Points of a track, and the line of each: how their altitudes count may stand behind them."""
 
     def ended(self, names: Sequence[str], _attributes: Mapping[str, str], text: str) -> None:
         """Take in an element."""
@@ -62,8 +61,8 @@ class _KmlReader:
         elif name in ("when", "begin", "end"):
             self._add_time(name, above, text)
         elif name == "coord":
-            self._spots.append(_spot(text.split()))
-            self._add_pairs()
+            self._spots.append((_spot(text.split()), self._tracks.line))
+            self._check_kept()
         elif name == "coordinates":
             self._coordinates = text
         elif name in _SHAPES:
@@ -77,7 +76,7 @@ class _KmlReader:
     def _add_time(self, name: str, above: str, text: str) -> None:
         if above == "Track":
             self._times.append(self._seconds(text))
-            self._add_pairs()
+            self._check_kept()
         elif above == "TimeStamp":
             self._when = self._seconds(text)
         elif above == "TimeSpan" and name != "when":
@@ -89,20 +88,27 @@ class _KmlReader:
             self._tracks.assumed[NO_ZONE] = None
         return seconds
 
-    def _add_pairs(self) -> None:
-        if not self._tracked:
-            self._end_loose()
-            self._tracks.name(self._name.strip() or self._folder())
-            self._tracked = True
-        while self._times and self._spots:
-            self._add(self._times.popleft(), self._spots.popleft())
+    def _check_kept(self) -> None:
+        """Let a track of too many points be refused before it ends."""
+        if max(len(self._times), len(self._spots)) > MAX_POINTS:
+            self.end_track()
 
     def _end_shape(self, shape: str) -> None:
         self._shape = shape
         if shape == "Track":
-            for seconds, spot in zip_longest(self._times, self._spots):
-                self._add(math.nan if seconds is None else seconds, _NOWHERE if spot is None else spot)
-            self._begin_shape()
+            self.end_track()
+
+    def end_track(self) -> None:
+        """Add the points of a track, once all that is said of them was read."""
+        if not self._tracked and (self._times or self._spots):
+            self._end_loose()
+            self._tracks.name(self._name.strip() or self._folder())
+            self._tracked = True
+        nowhere = (_NOWHERE, self._tracks.line)
+        for seconds, placed in zip_longest(self._times, self._spots):
+            spot, self._tracks.line = placed or nowhere
+            self._add(math.nan if seconds is None else seconds, spot)
+        self._begin_shape()
 
     def _end_placemark(self) -> None:
         spots = [_spot(each.split(",")) for each in self._coordinates.split()]
@@ -156,4 +162,5 @@ def read_kml(path: Path) -> list[VehicleLog]:
         ImportFileError: it cannot be read, is not XML, or has no point with a time.
     """
     tracks = PointTracks(path, "KML")
-    return read_xml_tracks(path, "KML", tracks, _KmlReader(tracks).ended, _MAX_TEXT)
+    reader = _KmlReader(tracks)
+    return read_xml_tracks(path, "KML", tracks, reader.ended, _MAX_TEXT, reader.end_track)

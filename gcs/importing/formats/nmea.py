@@ -18,7 +18,8 @@ from gcs.importing.formats.text_file import text_lines
 from gcs.importing.vehicle_log import M_PER_HDOP, VehicleLog
 from infra.text_numbers import number, number_or_nan
 
-_SENTENCE = re.compile(r"\$([A-Z]{2})(GGA|GNS|RMC|GST|ZDA),([^*$]*)(?:\*([0-9A-Fa-f]{2}))?\s*$")
+_SENTENCE = re.compile(r"\$([A-Z]{2})(GGA|GNS|RMC|GST|ZDA),([^*$]*)(?:\*([0-9A-Fa-f]{2})(?:[,;\s].*)?)?$")
+_BEGIN = re.compile(r"\$[A-Z]{2}(?:GGA|GNS|RMC|GST|ZDA)\b")
 _FIRST = re.compile(rb"(?:^|[\r\n])[^\r\n$]{0,40}\$[A-Z]{2}(?:GGA|GNS|RMC|GSA|GSV|GLL|VTG|GST|ZDA|TXT),")
 _TIME = re.compile(r"([01]\d|2[0-3])([0-5]\d)([0-5]\d(?:\.\d{1,9})?)$", re.ASCII)
 _DATE = re.compile(r"(\d\d)(\d\d)(\d\d)$", re.ASCII)
@@ -29,7 +30,7 @@ _NAN2 = (math.nan, math.nan)
 
 
 def is_nmea(head: bytes) -> bool:
-    """Tell whether a file begins as one of a receiver; loggers may put something in front of each sentence."""
+    """Tell whether a file begins as one of a receiver; loggers may put something around each sentence."""
     return _FIRST.search(head) is not None
 
 
@@ -57,6 +58,7 @@ class _NmeaReader:
     def take(self, line: str) -> None:
         """Read the next line."""
         found = _SENTENCE.search(line)
+        self._tracks.skipped["sentences that are cut off"] += len(_BEGIN.findall(line)) - (found is not None)
         if found is None:
             return
         talker, kind, body, check = found.groups()

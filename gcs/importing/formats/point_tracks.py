@@ -6,7 +6,7 @@ import math
 import re
 from array import array
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -19,7 +19,7 @@ from gcs.importing.vehicle_log import ImportNotes, PlaceTrack, VehicleLog, whole
 from infra.plain_text import plain
 from infra.xml_text import ElementHandler, XmlRefusedError, read_elements
 
-_MAX_POINTS = 1_000_000
+MAX_POINTS = 1_000_000
 _MAX_TRACKS = 255
 _MAX_NAME = 200
 _COLUMNS = 9
@@ -80,8 +80,8 @@ class PointTracks:
             ImportFileError: there are too many.
         """
         self._count += 1
-        if self._count > _MAX_POINTS:
-            raise ImportFileError(f"{self._path}: more than {_MAX_POINTS} points; cut it where the flight ends")
+        if self._count > MAX_POINTS:
+            raise ImportFileError(f"{self._path}: more than {MAX_POINTS} points; cut it where the flight ends")
         if not (math.isfinite(unix_s) and unix_s >= 0.0):
             self.skipped["points without a time"] += 1
         elif not whole_places(np.array([place[0]]), np.array([place[1]]))[0]:
@@ -146,9 +146,17 @@ class PointTracks:
 
 
 def read_xml_tracks(
-    path: Path, kind: str, tracks: PointTracks, ended: ElementHandler, most_text: int
+    path: Path,
+    kind: str,
+    tracks: PointTracks,
+    ended: ElementHandler,
+    most_text: int,
+    end_track: Callable[[], None] = lambda: None,
 ) -> list[VehicleLog]:
     """Read the vehicles out of XML; a file that ends in the middle has those that are there.
+
+    Args:
+        end_track: adds the points that were kept until their track ends.
 
     Raises:
         ImportFileError: it cannot be read, is not XML, or has no point with a time.
@@ -158,6 +166,7 @@ def read_xml_tracks(
             broken = read_elements(file, ended, most_text, tracks)
     except XmlRefusedError as error:
         raise ImportFileError(f"{path}: not a {kind} file: {error}") from None
+    end_track()
     if broken and not len(tracks):
         raise ImportFileError(f"{path}: not a {kind} file: {broken}")
     tracks.skipped["ends in the middle"] += bool(broken)

@@ -96,7 +96,8 @@ class UlogTopics(msgspec.Struct, tag=True):
     """Topics with rows, instances of one name by their numbers."""
     system_id: int
     """0 unknown."""
-    damaged: bool
+    damage: str
+    """Reason for which something of it may be missing; empty for none."""
 
     def tables(self) -> dict[str, list[dict[str, NDArray[np.generic]]]]:
         """Columns by name of each instance of each topic."""
@@ -134,19 +135,19 @@ def _read(question: _UlogQuestion) -> UlogTopics:
     ]
     system_id = log.initial_parameters.get("MAV_SYS_ID", 0)
     known = isinstance(system_id, int) and 1 <= system_id <= 255
-    return UlogTopics(topics, system_id if known else 0, bool(log.file_corruption) or _is_damaged(question.path))
+    return UlogTopics(topics, system_id if known else 0, _damage(question.path, corrupt=log.file_corruption))
 
 
-def _is_damaged(path: str) -> bool:
-    """Tell whether a message begins where none of the kinds that there are can begin; pyulog goes on as it can."""
+def _damage(path: str, *, corrupt: bool) -> str:
+    """Find where a message begins as none of the kinds that there are, or has no end; pyulog goes on as it can."""
     with open(open_to_read(path), "rb") as file:  # noqa: PTH123 - of a descriptor
-        file.seek(_HEADER_BYTES)
-        while len(head := file.read(_MESSAGE.size)) == _MESSAGE.size:
-            size, kind = _MESSAGE.unpack(head)
-            if kind not in _KINDS:
-                return True
-            file.seek(size, os.SEEK_CUR)
-    return False
+        at, end = _HEADER_BYTES, os.fstat(file.fileno()).st_size
+        while not corrupt and at + _MESSAGE.size <= end:
+            file.seek(at)
+            size, kind = _MESSAGE.unpack(file.read(_MESSAGE.size))
+            corrupt = kind not in _KINDS
+            at += _MESSAGE.size + size
+    return "damaged places" if corrupt else "ends in the middle" if at != end else ""
 
 
 def _columns(data: dict[str, NDArray[np.generic]], wanted: list[str]) -> list[_UlogColumn]:
@@ -160,7 +161,7 @@ def read_px4(path: Path) -> VehicleLog:
     Raises:
         ImportFileError: it cannot be read, has no position, or pyulog is not installed.
     """
-    topics, system_id, damaged = _topics(path)
+    topics, system_id, damage = _topics(path)
     found_places, what = _places(topics, path), "the estimator"
     if found_places is None:
         found_places, what = _fixes(topics, path), "the receiver"
@@ -196,13 +197,13 @@ def read_px4(path: Path) -> VehicleLog:
         notes=ImportNotes(
             found=tuple(found),
             assumed=(*contradictions, *ordered.assumed),
-            skipped={**({"damaged places": 1} if damaged else {}), **ordered.skipped},
+            skipped={**({damage: 1} if damage else {}), **ordered.skipped},
         ),
     )
 
 
-def _topics(path: Path) -> tuple[Topics, int, bool]:
-    """Instances of the wanted topics by their numbers, the system id (0 unknown), and whether the file is damaged."""
+def _topics(path: Path) -> tuple[Topics, int, str]:
+    """Instances of the wanted topics by their numbers, the system id (0 unknown), and what damage the file has."""
     if find_spec("pyulog") is None:
         raise ImportFileError(f"{path}: PX4 logs need pyulog: pip install 'rollcall-gcs[import]'")
     with open_file(path) as file:
@@ -213,7 +214,7 @@ def _topics(path: Path) -> tuple[Topics, int, bool]:
         found = read_topics(str(path), size, list(_WANTED), list(_COLUMNS))
     except (UnreadError, OSError) as error:
         raise ImportFileError(f"{path}: not a PX4 log that can be read: {error}") from None
-    return found.tables(), found.system_id, found.damaged
+    return found.tables(), found.system_id, found.damage
 
 
 def _times(topic: Columns) -> Ints:

@@ -12,8 +12,8 @@ from typing import BinaryIO, TextIO
 from gcs.errors import ImportFileError
 from infra.files.safe_open import open_to_read
 
-MAX_LINE_CHARS = 4096
-"""Length of the longest line of any subtitle or table."""
+MAX_LINE_CHARS = 1 << 16
+"""Length of the longest line of any subtitle or table: what reads DJI's own records names hundreds of columns."""
 _MARKS = ((codecs.BOM_UTF8, "utf-8-sig"), (codecs.BOM_UTF16_LE, "utf-16"), (codecs.BOM_UTF16_BE, "utf-16"))
 LOOKED_AT = 4096
 """Bytes at the beginning of a file that tell what it is."""

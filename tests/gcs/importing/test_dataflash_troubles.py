@@ -2,6 +2,7 @@
 
 import mmap
 import struct
+from datetime import datetime
 
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ from gcs.importing.formats import dataflash as reader
 from gcs.importing.sources import read_vehicle_logs
 from tests.support.imports.flown import fly
 from tests.support.imports.log_writers import BOOT_US, GPS_EPOCH_US, WEEK_MS, dataflash, wire_places
+from tests.support.imports.straight import Straight
 
 
 @pytest.fixture(scope="module")
@@ -62,6 +64,18 @@ def test_a_date_that_steps_is_that_which_holds_longest(flown, tmp_path):
     assert_same(log, read(tmp_path, good))
     (said,) = log.notes.assumed
     assert said.startswith("GPS time steps by -3600.00 s")
+
+
+@pytest.mark.parametrize(
+    ("since", "leap_s"), [("2014-05-01", 16), ("2016-05-01", 17), ("2018-05-01", 18), ("2007-05-01", 18)]
+)
+def test_leap_seconds_are_those_of_the_day(since, leap_s, tmp_path):
+    drive = Straight()
+    written_us = drive.t_us - drive.t_us[0] + int(datetime.fromisoformat(f"{since}+00:00").timestamp()) * 1_000_000
+    drive.t_us = written_us.copy()
+    log = read(tmp_path, dataflash(drive, 11))  # which is written with 18
+    assert (log.places.t_us - written_us == (18 - leap_s) * 1_000_000).all()
+    assert f"GPS time less {leap_s} s" in log.dated
 
 
 class NoFind(mmap.mmap):

@@ -172,6 +172,7 @@ def test_tables_of_poses_and_positions(kind, flown, tmp_path):
         (["0=rover.bin"], "1 to 255"),
         (["undated.bin"], "does not know the date"),
         (["nameless.gpx"], "no system id"),
+        (["11=nameless.gpx", "12=nameless.gpx"], "is one log given for two vehicles?"),
         (["absent.bin"], "no such file"),
     ],
 )
@@ -228,6 +229,14 @@ def test_what_is_there_is_not_overwritten(flown, tmp_path):
     code, _, told = run_gcs(*import_words(flown, tmp_path))
     assert code == 2
     assert "exists already" in told
+
+
+def test_a_container_that_no_session_has_is_refused_before_the_clock_is_searched(flown, tmp_path):
+    film = tmp_path / "film.wmv"
+    film.hardlink_to(flown.video)
+    code, _, told = run_gcs("import", "-o", tmp_path / "S", "--video", film, "--tlog", flown.fleet, "--uav", "no.srt")
+    assert code == 2
+    assert "film.wmv: a session's video is one of .mkv, .mp4" in told and "remux it" in told
 
 
 @pytest.mark.slow
@@ -340,7 +349,9 @@ def test_who_is_in_the_telemetry_and_not_in_the_mission(flown, tmp_path):
     code, told, _ = run_gcs(*words, "--clock=+0", "--fov", FOV_DEG, "--json")
     assert code == 0
     report = json.loads(told)
-    assert report["found"]["not in the mission"] == ("system 99, which reports no position; system 1, another aircraft")
+    assert report["found"]["not in the mission"] == (
+        "system 99, which reports no position (GLOBAL_POSITION_INT); system 1, another aircraft"
+    )
     assert (report["uav"], report["ugv"]) == (2, list(UGVS))
 
 

@@ -112,6 +112,25 @@ def assert_whole(log, rows=ROWS, within_us=1):
             lambda k, *p: f"{iso(k)},{p[0]},{p[1]},{p[2]},478",
             "above the ellipsoid are not taken",
         ),
+        # what writers put in front, and numpy's comment sign
+        (
+            "Flight log of a rover\n\nDriver;Max\n# time,Latitude (°),Longitude (°),alt",
+            lambda k, *p: f"{iso(k, ' UTC').replace('T', ' ', 1)},{p[0]},{p[1]},{p[2]}",
+            "",
+        ),
+        # hundreds of columns
+        (
+            f"time,{','.join(f'BATTERY.cell{n}Voltage' for n in range(400))},lat,lon,alt",
+            lambda k, *p: f"{iso(k)},{'3.812,' * 400}{p[0]},{p[1]},{p[2]}",
+            "",
+        ),
+        # MAVLink's own dump of GLOBAL_POSITION_INT, near the sea too
+        (
+            "timestamp,GLOBAL_POSITION_INT.time_boot_ms,GLOBAL_POSITION_INT.lat,GLOBAL_POSITION_INT.lon,"
+            "GLOBAL_POSITION_INT.alt,GLOBAL_POSITION_INT.hdg",
+            lambda k, *p: f"{T0_S + k / 2},{k},{p[0] * 1e7:.2f},{p[1] * 1e7:.2f},{p[2] * 1e3:.0f},65535",
+            "",
+        ),
         ("id,time,lat,lon,alt", lambda k, *p: f"{k + 1},{iso(k)},{p[0]:.9f},{p[1]:.9f},{p[2]}", "id counts rows"),
     ],
 )
@@ -271,6 +290,72 @@ def test_whole_seconds_that_rows_share_are_spread(name, tmp_path):
     taken = T0_S * 1_000_000 + np.arange(3, 97) * 100_000
     assert np.abs(log.places.t_us - taken).max() <= 50_000
     assert any("10 rows share" in said for said in log.notes.assumed)
+
+
+def test_a_second_behind_a_hole_is_full_at_its_end(tmp_path):
+    kept = [*range(3, 36), *range(57, 97)]
+    text = "time,lat,lon\n" + "".join(
+        f"2025-10-09T08:53:{20 + k // 10}Z,{path_of(k)[0]},{path_of(k)[1]}\n" for k in kept
+    )
+    log = read(tmp_path, text)
+    assert np.abs(log.places.t_us - T0_S * 1_000_000 - np.array(kept) * 100_000).max() <= 50_000
+    assert not any("leaps" in said for said in log.notes.assumed)
+
+
+def test_whole_seconds_with_a_count_beside_them_are_placed_by_it(tmp_path):
+    """As Airdata writes them: where rows are missing, their number in a second does not tell when they are of."""
+    kept = [k for k in range(3, 197) if k % 7 not in (1, 2, 4)]
+    text = "time(millisecond),datetime(utc),latitude,longitude\n" + "".join(
+        f"{100 * k + 4321},2025-10-09 08:53:{20 + k // 10},{path_of(k)[0]},{path_of(k)[1]}\n" for k in kept
+    )
+    log = read(tmp_path, text)
+    assert len(log.places) == len(kept)
+    assert np.abs(log.places.t_us - T0_S * 1_000_000 - np.array(kept) * 100_000).max() <= 50_000
+    (said,) = log.notes.assumed
+    assert said == "dates are whole seconds: rows are placed by the milliseconds beside them, ±0.05 s"
+    # a date that was set
+    later = text.replace("08:53:2", "08:52:2")
+    log = read(tmp_path, later)
+    assert np.abs(log.places.t_us - T0_S * 1_000_000 - np.array(kept) * 100_000).max() <= 150_000
+    assert re.search(r"the date steps by \+(59\.9|60\.0)", "; ".join(log.notes.assumed))
+    # one row a second: nothing tells that dates are cut
+    text = "time(millisecond),datetime(utc),latitude,longitude\n" + "".join(
+        f"{1000 * k},2025-10-09 08:53:{20 + k},{path_of(k)[0]},{path_of(k)[1]}\n" for k in range(30)
+    )
+    assert (read(tmp_path, text).places.t_us == (T0_S + np.arange(30)) * 1_000_000).all()
+
+
+def test_a_row_that_is_cut_off_is_left_out(tmp_path):
+    text = table("time,lat,lon,alt", lambda k, *p: f"{iso(k)},{p[0]:.9f},{p[1]:.9f},{p[2]}")
+    log = read(tmp_path, text[: text.rindex(",") - 6])
+    assert_whole(log, ROWS - 1)
+    assert log.notes.skipped == {"rows that are cut off": 1}
+    # a row that is none is not the one that counts
+    log = read(tmp_path, text + 100 * "\0")
+    assert_whole(log)
+    assert log.notes.skipped == {"rows without a time": 1}
+
+
+def test_waypoints_are_counted(tmp_path):
+    rows = [(iso(k), *path_of(k)) for k in range(9)]
+    way = f'<wpt lat="47" lon="8"><time>{iso(0)}</time></wpt>'
+    log = read(tmp_path, gpx_of(rows).replace("<trk>", way + "<trk>"), "rover.gpx")
+    assert len(log.places) == 9 and log.notes.skipped == {"points that are of no track": 1}
+    with pytest.raises(ImportFileError, match="1 points that are of no track"):
+        read(tmp_path, f"<gpx>{way}</gpx>", "rover.gpx")
+
+
+def test_a_table_of_ros_counts_altitudes_from_the_ellipsoid(tmp_path):
+    head = "%time,field.header.seq,field.latitude,field.longitude,field.altitude"
+    text = table(head, lambda k, *p: f"{T0_S * 10**9 + k * 500_000_000},{k},{p[0]},{p[1]},{p[2]}")
+    log = read(tmp_path, text)
+    assert log.clock == "utc" and len(log.places) == ROWS and np.isnan(log.places.alt_m).all()
+    assert "heights above the ellipsoid are not taken" in log.notes.assumed[0]
+
+
+def test_a_table_without_times_says_what_it_has(tmp_path):
+    with pytest.raises(ImportFileError, match=r"no column of times.*, it has \.header\.stamp\.sec, lat, lon"):
+        read(tmp_path, ".header.stamp.sec,lat,lon\n1,2,3\n")
 
 
 def test_rows_that_repeat_a_place_within_a_second_are_not_spread(tmp_path):

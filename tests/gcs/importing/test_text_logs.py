@@ -132,6 +132,21 @@ def test_a_damaged_sentence_is_counted(flown, tmp_path):
     assert log.notes.skipped == {"sentences with a wrong checksum": 1}
 
 
+def test_what_loggers_write_behind_a_sentence_is_passed_over(flown, tmp_path):
+    lines = nmea(flown, 11).splitlines()
+    (whole,) = read(tmp_path, "whole.nmea", "\n".join(lines))
+    phone = "\n".join(f"NMEA,{line},{1_760_000_000_000 + k}" for k, line in enumerate(lines))
+    (log,) = read(tmp_path, "phone.txt", phone)
+    assert (log.places.t_us == whole.places.t_us).all() and not log.notes.skipped
+
+
+def test_sentences_that_are_cut_off_are_counted(flown, tmp_path):
+    lines = [line for line in nmea(flown, 11).splitlines(keepends=True) if "GGA" in line or "RMC" in line]
+    # one sentence runs into the next, another one ends with the file
+    (log,) = read(tmp_path, "rover.nmea", "".join([*lines[:5], lines[5][:20], *lines[6:-1], lines[-1][:30], "*"]))
+    assert log.notes.skipped == {"sentences that are cut off": 2}
+
+
 def test_positions_without_a_date_are_refused(flown, tmp_path):
     text = "".join(line for line in nmea(flown, 11).splitlines(keepends=True) if "GGA" in line)
     with pytest.raises(ImportFileError, match="nothing in it tells the date: record RMC or ZDA"):
@@ -187,7 +202,30 @@ def test_altitude_modes(flown, tmp_path):
     assert drawn.notes.assumed == ("altitudes that are not drawn (clampToGround) are not known",)
 
 
-@pytest.mark.parametrize(("name", "words"), [("a.kmz", "unzip it"), ("a.fit", "GPX"), ("a.doc", r"give .*\.nmea")])
-def test_what_is_not_read_says_what_would_be(name, words, tmp_path):
+def test_an_altitude_mode_may_stand_behind_the_points(flown, tmp_path):
+    """As simplekml writes it."""
+    text, mode = kml(flown, (11, 12)), "<altitudeMode>absolute</altitudeMode>"
+    before = read(tmp_path, "before.kml", text)
+    behind = text.replace(mode, "").replace("</gx:Track>", f"{mode}</gx:Track>")
+    for log, other in zip(read(tmp_path, "behind.kml", behind), before, strict=True):
+        assert log.notes == other.notes and (log.places.alt_m == other.places.alt_m).all()
+    cut = behind[: behind.rindex("<gx:coord>")]
+    logs = read(tmp_path, "cut.kml", cut)
+    assert [len(log.places) for log in logs] == [len(before[0].places), len(before[1].places) - 1]
+    assert logs[1].notes.skipped["ends in the middle"] == 1
+
+
+@pytest.mark.parametrize(
+    ("name", "head", "words"),
+    [
+        ("a.kmz", b"PK\x03\x04", "unzip it"),
+        ("a.fit", b"\x0e\x10", "GPX"),
+        ("a.doc", b"\xd0\xcf", r"give .*\.nmea"),
+        ("a.bin", b"PK\x03\x04", r"a packed file \(zip\): unpack it first"),
+        ("a.csv", b"\x1f\x8b\x08", r"a packed file \(gzip\): unpack it first"),
+        ("a.ulg.7z", b"7z\xbc\xaf", r"a packed file \(7z\): unpack it first"),
+    ],
+)
+def test_what_is_not_read_says_what_would_be(name, head, words, tmp_path):
     with pytest.raises(ImportFileError, match=words):
-        read(tmp_path, name, b"PK\x03\x04")
+        read(tmp_path, name, head)

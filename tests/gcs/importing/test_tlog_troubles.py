@@ -104,6 +104,57 @@ def test_a_vehicle_with_a_receiver_alone(tmp_path):
     assert log.notes.found[0] == f"telemetry log, {STEPS} fixes of the receiver alone"
 
 
+def test_fixes_of_a_receiver_are_judged_like_positions(tmp_path):
+    speaker = MavlinkEncoder(11)
+
+    def log_of(rows):
+        with (tmp_path / "rover.tlog").open("wb") as file:
+            for k in rows:
+                frames = [speaker.gps_raw_int(T0 + k * 200_000, *path_of(k)), speaker.heartbeat(kind=ROVER)]
+                if k < 20:
+                    none = dialect.MAVLink_gps_raw_int_message(k, 1, 0, 0, 0, 65535, 65535, 65535, 65535, 0)
+                    frames[0] = speaker.pack(none)
+                file.writelines(struct.pack(">Q", T0 + k * 200_000) + frame for frame in frames)
+        return read_vehicle_logs(tmp_path / "rover.tlog")
+
+    (log,) = log_of([*range(60), *range(90, STEPS), *range(STEPS - 1, STEPS)])
+    assert len(log.places) == STEPS - 50
+    assert log.notes.found[0] == f"telemetry log, {STEPS - 50} fixes of the receiver alone"
+    assert log.notes.skipped == {"times without a fix": 20, "positions with the time of another": 1}
+    assert log.notes.assumed[0].startswith("nothing was logged for 6.2 s after byte ")
+    with pytest.raises(ImportFileError, match="its times begin again: byte "):
+        log_of([*range(120), *range(60, STEPS)])
+
+
+@pytest.mark.parametrize(
+    ("component", "kind", "words"),
+    [
+        (2, ROVER, "components 1 and 2 are both its autopilot: two vehicles with one id? component 1 counts"),
+        (1, 2, "its heartbeats are of a rover and of a copter: two vehicles with one id? it counts as a rover"),
+        (191, 18, None),
+    ],
+)
+def test_two_vehicles_with_one_system_id_are_told(component, kind, words, tmp_path):
+    path, other = written(tmp_path / "fleet.tlog", systems=(11,)), MavlinkEncoder(11, component)
+    end = struct.pack(">Q", T0 + STEPS * 200_000) + other.heartbeat(kind=kind)
+    path.write_bytes(path.read_bytes() + end)
+    assert open_fleet(path).assumptions() == ((f"fleet.tlog, system 11: {words}",) if words else ())
+    assert read_vehicle_logs(path)[0].notes.assumed == ((words,) if words else ())
+    assert open_fleet(path).assumptions(without=(11,)) == ()
+
+
+def test_who_reports_positions_and_not_what_it_is_is_told(tmp_path):
+    path, speaker = written(tmp_path / "fleet.tlog", systems=(11,)), MavlinkEncoder(14)
+    report = speaker.global_position_int(60_000, *path_of(0), 0.0, (2.0, 0.0, 0.0), 0.0)
+    path.write_bytes(path.read_bytes() + struct.pack(">Q", T0 + STEPS * 200_000) + report)
+    said = "system 14, which reports positions, and in no heartbeat that it drives or flies"
+    assert open_fleet(path).unnamed == (said,)
+    (tmp_path / "alone.tlog").write_bytes(struct.pack(">Q", T0) + report)
+    with pytest.raises(ImportFileError) as error:
+        read_ground_vehicles(tmp_path / "alone.tlog", ())
+    assert str(error.value).endswith(f"no ground vehicle reports a position in it ({said})")
+
+
 @pytest.mark.parametrize("by_s", [0.3, -0.3])
 def test_a_step_that_one_vehicle_alone_shows_may_be_its_own(by_s, tmp_path):
     fleet = open_fleet(written(tmp_path / "fleet.tlog", set_back_s=by_s, systems=(11,)))
@@ -143,9 +194,15 @@ def test_a_log_without_stamps_has_the_vehicles_times(suffix, tmp_path):
         assert log.notes.assumed[0] == ("no time stamps in it: times are by the vehicles' own clocks (SYSTEM_TIME)")
 
 
-@pytest.mark.parametrize("trouble", [{"dated": False}, {"late_us": 3_600_000_000}])
-def test_a_log_without_stamps_whose_vehicles_know_no_date_is_refused(trouble, tmp_path):
-    with pytest.raises(ImportFileError, match="no vehicle tells the date"):
+@pytest.mark.parametrize(
+    ("trouble", "words"),
+    [
+        ({"dated": False}, "no vehicle tells the date"),
+        ({"late_us": 3_600_000_000}, r"the dates of its vehicles \(SYSTEM_TIME\) step"),
+    ],
+)
+def test_a_log_without_stamps_whose_vehicles_know_no_date_is_refused(trouble, words, tmp_path):
+    with pytest.raises(ImportFileError, match=words):
         open_fleet(unstamped(tmp_path / "fleet.rlog", **trouble))
 
 

@@ -119,6 +119,11 @@ def test_what_is_no_video_is_refused_in_one_line(tmp_path, content, words, capfd
     assert capfd.readouterr() == ("", "")
 
 
+def test_a_folder_is_no_video(tmp_path):
+    with pytest.raises(VideoError, match="not a file"):
+        VideoFile.open(tmp_path)
+
+
 @pytest.mark.parametrize("opened", [VideoFile.open, lambda path: open_input(parse_source(str(path)))])
 def test_a_coding_that_ffmpeg_does_not_know_is_refused(tmp_path, opened):
     path = write_clip(tmp_path / "clip.mkv", steady(5))

@@ -65,6 +65,26 @@ def test_heights_before_home_is_set_are_none():
     assert (log.places.height_m == height).all()
 
 
+def test_angles_that_are_all_0_are_none():
+    still, level = AngleTrack(t_us=T_US, angles=np.zeros((N, 3))), AngleTrack(t_us=T_US, angles=np.zeros((N, 3)))
+    level.angles[:, 1] = -0.5 * np.pi
+    log = plausible(dataclasses.replace(log_of(), attitudes=still, gimbal=level))
+    assert not len(log.attitudes) and len(log.gimbal) == N
+    assert log.notes.assumed == ("its attitudes are all 0, which stands for unknown ones",)
+    assert not len(plausible(dataclasses.replace(log_of(), gimbal=still)).gimbal)
+
+
+def test_altitudes_that_are_all_0_are_none():
+    height = 30.0 + 0.1 * np.arange(N)
+    log = plausible(log_of(alt_m=np.zeros(N), height_m=height))
+    assert np.isnan(log.places.alt_m).all() and (log.places.height_m == height).all()
+    assert log.notes.assumed == ("its altitudes are all 0, which stands for unknown ones",)
+    # a boat goes up and down
+    waves = 0.1 * np.sin(np.arange(N))
+    log = plausible(log_of(alt_m=waves))
+    assert (log.places.alt_m == waves).all() and not log.notes.assumed
+
+
 @pytest.mark.parametrize(
     ("factor", "turned", "kept"),
     [
