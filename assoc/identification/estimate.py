@@ -21,7 +21,6 @@ from assoc.geometry.expected_view import chance_in_view
 from assoc.geometry.ground import EAST, HEIGHT, LAG, OFFSET, THETA, camera_at_frame, rays_to_ground
 from assoc.geometry.sway import FAST_MPS, FREE_TURNS, TURNS, Sway, wander_in_flight, wander_of
 from assoc.history import TrackHistory
-from assoc.hypotheses.aim import aimed
 from assoc.hypotheses.bias_memory import BiasMemory, learn_bias_noise
 from assoc.hypotheses.labels import mixed_marginals, posterior_weights
 from assoc.hypotheses.place_alone import StrangerLimit, limit_by_place, log_odds_among_strangers
@@ -30,6 +29,7 @@ from assoc.hypotheses.priors import OffsetPrior, noise_of, prior_of
 from assoc.hypotheses.search import (
     Hypothesis,
     UpdateContext,
+    aimed,
     is_shifted,
     keep_best,
     refine,

@@ -30,9 +30,8 @@ from scipy.special import expit, gammaln
 from assoc.evidence.blocks import Blocks
 from assoc.evidence.likelihood import PLACE_TAU_S, Noise, bound_variance, initial_state, place_ratio, run_filter
 from assoc.geometry.ground import OFFSET, THETA
-from assoc.hypotheses.aim import aimed
 from assoc.hypotheses.pose import is_gross
-from assoc.hypotheses.search import Hypothesis, UpdateContext, refine
+from assoc.hypotheses.search import Hypothesis, UpdateContext, aimed, refine
 from assoc.hypotheses.sway_fit import fit_sway
 
 FloatArray = NDArray[np.float64]
