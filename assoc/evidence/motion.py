@@ -252,6 +252,8 @@ class ReportLog:
     def _interpolated(self, t: float, vehicle: IntArray) -> tuple[FloatArray, BoolArray]:
         """Places (k, 2) of some vehicles at a time, metres, between two samples, and which have two."""
         kept = self._all()
+        if not len(kept.t):
+            return np.zeros((len(vehicle), 2)), np.zeros(len(vehicle), np.bool_)
         order = np.lexsort((kept.t, kept.vehicle))
         near = kept.vehicle[order] + (kept.t[order] - t) / _LONG_S
         after = np.minimum(np.searchsorted(near, vehicle), len(order) - 1)

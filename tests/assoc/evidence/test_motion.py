@@ -172,6 +172,8 @@ def test_begun_anew_a_log_has_the_newest_places_alone():
     anew = log.begun_anew()
     assert not len(anew.samples(0.0, 30.0).t)
     np.testing.assert_array_equal(anew.extrapolated(21.0)[0], log.extrapolated(21.0)[0])
+    place, age = anew.extrapolated(float(anew.last_t.min()) - 2.0)
+    np.testing.assert_allclose(place, anew.last_p + anew.last_v * age[:, None], err_msg="nothing lies between")
 
 
 def test_a_report_that_is_rejected_is_none_that_is_believed():
