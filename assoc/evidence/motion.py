@@ -260,8 +260,7 @@ class ReportLog:
         before = np.maximum(after - 1, 0)
         a, b = order[before], order[after]
         known = (kept.vehicle[a] == vehicle) & (kept.vehicle[b] == vehicle) & (kept.t[a] <= t) & (t <= kept.t[b])
-        step = np.where(known, kept.t[b] - kept.t[a], 1.0)
-        share = np.where(known, (t - kept.t[a]) / np.maximum(step, _SAME_TIME_S), 0.0)[:, None]
+        share = ((t - kept.t[a]) / np.maximum(kept.t[b] - kept.t[a], _SAME_TIME_S))[:, None]
         return (1.0 - share) * kept.p[a] + share * kept.p[b], np.asarray(known)
 
     @property

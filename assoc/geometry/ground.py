@@ -74,9 +74,14 @@ def _rotations_at(history: TrackHistory, rows: slice, delta_s: float) -> FloatAr
     found by the image are of its time already; but where the clocks differ by more than a moment they were found with
     the camera elsewhere than it was, and the reported ones count.
     """
-    if delta_s == 0.0 or (history.of_image_time and abs(delta_s) < _SAME_TIME_S):
+    if _is_of_image_time(history, delta_s):
         return history.R[rows]
     return _interpolated_rotations(history, history.t[rows] - delta_s)
+
+
+def _is_of_image_time(history: TrackHistory, delta_s: float) -> bool:
+    """Tell whether the rotations are those of their frames' own moments, though the clocks differ by δ."""
+    return delta_s == 0.0 or (history.of_image_time and abs(delta_s) < _SAME_TIME_S)
 
 
 def _interpolated_rotations(history: TrackHistory, t: FloatArray) -> FloatArray:
@@ -123,10 +128,11 @@ def camera_at_frame(history: TrackHistory, t: float, camera: CameraState, delta_
     """
     if delta_s == 0.0 or not history.n or not np.isfinite(camera.p_enu).all():
         return camera
-    p, on, _ = _flown_to(history, np.array([t - delta_s]))
-    if history.of_image_time and abs(delta_s) < _SAME_TIME_S:
-        return replace(camera, p_enu=(p + on)[0])
-    return replace(camera, p_enu=(p + on)[0], R_enu_cam=_interpolated_rotations(history, np.array([t - delta_s]))[0])
+    then = np.array([t - delta_s])
+    p, on, _ = _flown_to(history, then)
+    held = _is_of_image_time(history, delta_s)
+    R = camera.R_enu_cam if held else _interpolated_rotations(history, then)[0]
+    return replace(camera, p_enu=(p + on)[0], R_enu_cam=R)
 
 
 def _level_right(R: FloatArray) -> tuple[FloatArray, FloatArray]:

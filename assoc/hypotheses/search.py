@@ -55,7 +55,6 @@ _DISTINCT_AIM = 2.0
 """Starts differ by more than this many σ of a pair."""
 _AIMS, _MAX_TRACKS, _MAX_TRIED = 3, 16, 400
 """Number of poses, and most tracks and corrections that are compared for them."""
-_MIN_SQUARE = 1e-6
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -391,7 +390,7 @@ def aimed(context: UpdateContext, offset_s: float) -> list[FloatArray]:
     seen, wanted = bearing_and_depression(d), bearing_and_depression(to)
     height, away = -float(to[0, 2]), np.linalg.norm(to, axis=1)
     std = context.prior.std[[YAW, PITCH]]
-    if height <= 0.0 or std[1] * height / max(np.sin(np.median(wanted[:, 1])) ** 2, _MIN_SQUARE) < _FAR_M:
+    if std[1] * height <= _FAR_M * np.sin(np.median(wanted[:, 1])) ** 2:
         return []
     sides = np.stack([_AIM_STD_M / away, _AIM_STD_M * height / away**2], axis=1) + _AIM_STD_RAD
     # (m, n, 2) yaw and pitch of each pair: a camera that is pitched up sees everything lower
@@ -399,8 +398,9 @@ def aimed(context: UpdateContext, offset_s: float) -> list[FloatArray]:
     aim[..., 0] = (aim[..., 0] + np.pi) % (2.0 * np.pi) - np.pi
     tried = aim.reshape(-1, 2)
     cost = np.sum((tried / std) ** 2, axis=1)
-    usual = np.argsort(cost, kind="stable")[:_MAX_TRIED]
-    tried, cost = (each[usual[cost[usual] < _AIM_STDS**2]] for each in (tried, cost))
+    likely = np.argsort(cost, kind="stable")[:_MAX_TRIED]
+    likely = likely[cost[likely] < _AIM_STDS**2]
+    tried, cost = tried[likely], cost[likely]
     # (c, m, n, 2) what is left of each pair under each aim
     left = (aim[None] - tried[:, None, None]) / sides
     near = np.min(np.sum(left**2, axis=3), axis=2)

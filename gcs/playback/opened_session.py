@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gcs.errors import SessionError
-from gcs.fold.camera.frame_size import FrameSize, fitting_size, holds
+from gcs.fold.camera.frame_size import UNDESCRIBED, FrameSize, fitting_size, holds
 from gcs.mission.mission import Mission
 from gcs.playback.discovery import discover
 from gcs.playback.looked_frames import RecordedLooks
@@ -28,10 +28,6 @@ if TYPE_CHECKING:
 
 LONGEST_US = 86_400_000_000
 """A flight is not this long without a packet or a frame."""
-_SIZELESS = (
-    "how large the frames were is not recorded, and no mission describes the camera: nothing is named unless the UAV "
-    "reports its camera's resolution; give --frame-size WIDTHxHEIGHT"
-)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -163,5 +159,5 @@ def _frame_size(
     if recorded or boxes is None:
         return FrameSize()
     if not session.notes.flown:
-        return FrameSize() if camera is not None else FrameSize(doubt=_SIZELESS)
+        return FrameSize() if camera is not None else UNDESCRIBED
     return fitting_size(mission, log, times_us, boxes)

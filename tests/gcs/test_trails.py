@@ -46,7 +46,7 @@ def test_a_trail_is_where_the_vehicle_was():
 
 
 def test_it_is_the_same_in_whatever_order_the_moments_came():
-    """As a replay works them out: first where the operator looks, then from the start."""
+    """Trails of a replay: first where the operator looks, then from the start."""
     moments = [at(n, 2.0 * n) for n in range(20)]
     forwards, mixed = Trails(), Trails()
     for moment in moments:

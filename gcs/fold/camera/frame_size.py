@@ -56,6 +56,15 @@ class FrameSize:
     """Warning for an analyst."""
 
 
+_UNRECORDED = "how large the frames were is not recorded"
+_GIVE = "give --frame-size WIDTHxHEIGHT"
+UNDESCRIBED = FrameSize(
+    doubt=f"{_UNRECORDED}, and no mission describes the camera: nothing is named unless the UAV reports its camera's "
+    f"resolution; {_GIVE}"
+)
+"""Frames of a camera that no mission describes, in a recording without their size."""
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _SampledFrame:
     """Boxes and reported places of a frame, in units of the described image's width."""
@@ -93,11 +102,11 @@ def fitting_size(mission: Mission, log: SessionLog, times_us: NDArray[np.int64],
     if len(others) and fit.max() - others.max() < SURE:
         if not somewhere:
             # what is not of this flight fits no size: the identifier says so, and names nothing
-            text = f"how large the frames were is not recorded, and boxes and reports fit no size: {width}×{height}"
+            text = f"{_UNRECORDED}, and boxes and reports fit no size: {width}×{height}"
             return FrameSize(doubt=f"{text} is taken, as the camera is described; --frame-size sets another")
         return _unknown("boxes and reports fit several sizes")
     size = (best, round(best * height / width))
-    text = f"how large the frames were is not recorded: {size[0]}×{size[1]} is taken, where boxes and reports fit"
+    text = f"{_UNRECORDED}: {size[0]}×{size[1]} is taken, where boxes and reports fit"
     return FrameSize(size=size, doubt=f"{text}; --frame-size sets another")
 
 
@@ -107,7 +116,7 @@ def holds(size: tuple[float, float], boxes: FrameDetections) -> bool:
 
 
 def _unknown(why: str) -> FrameSize:
-    text = f"how large the frames were is not recorded, and {why}: nothing is named; give --frame-size WIDTHxHEIGHT"
+    text = f"{_UNRECORDED}, and {why}: nothing is named; {_GIVE}"
     return FrameSize(known=False, doubt=text)
 
 

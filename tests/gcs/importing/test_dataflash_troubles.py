@@ -107,7 +107,7 @@ OLD_SIZES = {1: "<BIHBhiiiiIifI", 2: "<Iiiff", 3: "<Ihhhh"}
 
 
 def old_dataflash(flown, system_id):
-    """As ArduPilot wrote until 2014: milliseconds since boot, GPS time under other names."""
+    """A log of ArduPilot before 2015: milliseconds since boot, GPS time under other names."""
     data = [struct.pack("<3sBB4s16s64s", b"\xa3\x95\x80", 128, 89, *OLD[128])]
     data += [
         struct.pack("<3sBB4s16s64s", b"\xa3\x95\x80", kind, 3 + struct.calcsize(size), *OLD[kind])

@@ -303,7 +303,7 @@ def test_a_second_behind_a_hole_is_full_at_its_end(tmp_path):
 
 
 def test_whole_seconds_with_a_count_beside_them_are_placed_by_it(tmp_path):
-    """As Airdata writes them: where rows are missing, their number in a second does not tell when they are of."""
+    """Whole seconds by Airdata: where rows are missing, their number in a second does not tell the time of each."""
     kept = [k for k in range(3, 197) if k % 7 not in (1, 2, 4)]
     text = "time(millisecond),datetime(utc),latitude,longitude\n" + "".join(
         f"{100 * k + 4321},2025-10-09 08:53:{20 + k // 10},{path_of(k)[0]},{path_of(k)[1]}\n" for k in kept

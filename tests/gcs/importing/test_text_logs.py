@@ -203,7 +203,7 @@ def test_altitude_modes(flown, tmp_path):
 
 
 def test_an_altitude_mode_may_stand_behind_the_points(flown, tmp_path):
-    """As simplekml writes it."""
+    """A KML track by simplekml, whose altitude mode stands behind its points."""
     text, mode = kml(flown, (11, 12)), "<altitudeMode>absolute</altitudeMode>"
     before = read(tmp_path, "before.kml", text)
     behind = text.replace(mode, "").replace("</gx:Track>", f"{mode}</gx:Track>")

@@ -171,7 +171,7 @@ def test_a_fleet_that_stands_shows_no_camera(tmp_path):
 
 @pytest.mark.slow
 def test_a_direction_that_is_written_as_nan_is_unknown(tmp_path):
-    """As numpy and pandas write it: the row has its box all the same."""
+    """A heading of "nan", by numpy and pandas: the row has its box all the same."""
     flown = swarm_session(tmp_path, frames=20)
     path = flown / "detections.csv"
     head, *rows = path.read_text().splitlines()

@@ -203,7 +203,7 @@ def test_a_deleted_session_is_made_anew(recorder):
 
 
 def test_a_session_that_was_moved_away_is_whole_where_it_belongs(recorder, tmp_path):
-    """As after an unmount by force: the files can still be written, and nobody would find them."""
+    """A folder after an unmount by force: the files can still be written, and nobody would find them."""
     goes_on(recorder, lambda folder: folder.rename(tmp_path / "elsewhere"))
 
 
