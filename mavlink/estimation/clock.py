@@ -79,7 +79,7 @@ class ClockParams:
     line_messages: int = 3
     """Messages that make a line."""
     zero_times: int = 3
-    """Boot times of 0 in a row that show a sender without a clock."""
+    """Boot times of 0 in a row, of one kind of message, that show that it carries none."""
 
 
 class ClockFit(Enum):
@@ -152,7 +152,7 @@ class VehicleClock:
         self.off_rate = 0.0
         """Rate of a clock that is not followed for it, 1 is as fast as ours; 0 for one that is."""
         self._rate = ClockRate()
-        self._zero_times = 0
+        self._zero_times: dict[type, int] = {}
         self._by_arrival = False
         self._steps: deque[int] = deque(maxlen=3)
         self._started = False
@@ -173,19 +173,23 @@ class VehicleClock:
         self._lines: list[_Line] = []
         self._outlier_since_us = 0  # arrival of the first message in a row that did not fit, 0 for none
 
-    def add_message(self, boot_ms: int, arrival_us: int, *, trails: bool = False) -> ClockReading:
+    def add_message(self, boot_ms: int, arrival_us: int, *, kind: type = object, trails: bool = False) -> ClockReading:
         """Learn from one message and return its boot time.
 
         A sender that leaves its boot time at zero has no clock, and one that cannot be followed (a simulator that runs
-        at another speed) has none that helps: the boot time of their messages is their arrival.
+        at another speed) has none that helps: the boot time of their messages is their arrival. Where only one kind of
+        message leaves it at zero, as bridges of positions do, only that kind is dated by its arrival.
 
         Args:
             arrival_us: Unix µs.
+            kind: messages that carry the boot time alike.
             trails: its link is known to be later than another, so that it cannot show a reboot.
         """
         epoch = self.epoch
-        self._zero_times = self._zero_times + 1 if boot_ms == 0 else 0
-        if not self._by_arrival and self._zero_times >= self.params.zero_times:
+        self._zero_times[kind] = self._zero_times.get(kind, 0) + 1 if boot_ms == 0 else 0
+        if not self._by_arrival and self._zero_times[kind] >= self.params.zero_times:
+            if min(self._zero_times.values()) < self.params.zero_times:
+                return ClockReading(self.boot_of(arrival_us), ClockFit.FITS)
             self._fall_back_to_arrival(arrival_us)
         elif self._rate.add(boot_ms * _MS, arrival_us):
             self._heed_rate(arrival_us)
@@ -238,7 +242,7 @@ class VehicleClock:
     def reset(self) -> None:
         """Start again, for a vehicle whose clock was another's."""
         self._started = self._by_arrival = False
-        self._zero_times = 0
+        self._zero_times.clear()
         self.off_rate = 0.0
         self._rate.clear()
         self._steps.clear()

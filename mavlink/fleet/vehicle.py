@@ -280,7 +280,7 @@ class Vehicle:
         """Learn from a sample's boot time; what it shows of the clock, and notices."""
         clock, t_us, sender = self.clock, sample.t_us, arrival.sender
         trails = self._duplicate_id.is_slower_link(sender)
-        reading = clock.add_message(sample.boot_ms, t_us, trails=trails)
+        reading = clock.add_message(sample.boot_ms, t_us, kind=type(sample), trails=trails)
         if reading.fit is not ClockFit.OUTLIER:
             delay_us = t_us - clock.unix_of(reading.boot_us)
             if not reading.fit.late:
