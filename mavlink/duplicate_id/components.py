@@ -1,4 +1,4 @@
-"""The component of a system that is the vehicle's autopilot.
+"""The component of a system that is the vehicle's autopilot, and who reports the vehicle's place.
 
 Companions, gimbals and payload computers share the autopilot's system id and may send heartbeats and positions too. The
 autopilot sends an autopilot's heartbeat, and by the standard its component id is 1. None of this is a proof: where two
@@ -6,6 +6,8 @@ components contradict each other, neither is used (:mod:`mavlink.duplicate_id.du
 """
 
 from __future__ import annotations
+
+from typing import NamedTuple
 
 from mavlink.protocol.messages import Heartbeat
 from mavlink.protocol.modes import kind_name, mode_name
@@ -22,6 +24,10 @@ waits for that."""
 _ALIVE_US = 3_000_000
 """A component that was received this lately is alive: three heartbeats."""
 _NEVER_US = -(1 << 62)
+_PATIENCE_US = 5_000_000
+"""Time that a second-best source of places has reported before it is used: the best one may report rarely."""
+_MAX_SOURCES = 16
+"""Sources of places remembered, so that a flood of forged components costs no memory."""
 
 
 class _Component:
@@ -118,3 +124,60 @@ class Components:
             self.autopilot = component.component_id
             return True
         return False
+
+
+class PositionSource(NamedTuple):
+    """Component and kind of message that report where a vehicle is."""
+
+    own: bool
+    """True for the autopilot, False for a companion or a tracker under the same system id."""
+    raw: bool
+    """GPS_RAW_INT, what a receiver measured; else GLOBAL_POSITION_INT."""
+    component_id: int
+
+    @property
+    def rank(self) -> tuple[bool, bool]:
+        """Order of preference, the highest first."""
+        return not self.raw, self.own
+
+
+class PositionSources:
+    """The source of a vehicle's places: the best there ever was.
+
+    An autopilot that has reported a place is never replaced, however long it is silent: who claims its id would only
+    have to wait.
+    """
+
+    def __init__(self) -> None:
+        self.used: PositionSource | None = None
+        self._first_us: dict[PositionSource, int] = {}
+        self._report = ""
+
+    def report(self) -> tuple[Level, str]:
+        """News for the operator since the last call; an empty text for nothing."""
+        text, self._report = self._report, ""
+        return "info", text
+
+    def add(self, source: PositionSource, t_us: int) -> bool:
+        """Note a place that a source reports at a Unix time, µs; True when this source is used."""
+        used = self.used
+        if source == used:
+            return True
+        if used is not None and source.rank <= used.rank:
+            return False
+        if source.rank != (True, True):
+            if len(self._first_us) >= _MAX_SOURCES:
+                self._first_us.clear()
+            if t_us - self._first_us.setdefault(source, t_us) < _PATIENCE_US:
+                return False
+        self.used = source
+        if used is not None or source.rank != (True, True):
+            self._report = f"positions are those of {_source_text(source)}"
+        return True
+
+
+def _source_text(source: PositionSource) -> str:
+    whose = "its autopilot" if source.own else f"component {source.component_id}"
+    if source.raw:
+        return f"the GPS receiver of {whose}, since no GLOBAL_POSITION_INT comes"
+    return whose if source.own else f"{whose}, since its autopilot reports none"

@@ -10,6 +10,7 @@ a second.
 from __future__ import annotations
 
 from collections import deque
+from collections.abc import Hashable
 from dataclasses import dataclass
 from enum import Enum
 from itertools import pairwise
@@ -79,7 +80,7 @@ class ClockParams:
     line_messages: int = 3
     """Messages that make a line."""
     zero_times: int = 3
-    """Boot times of 0 in a row, of one kind of message, that show that it carries none."""
+    """Boot times of 0 in a row that show a sender without a clock."""
 
 
 class ClockFit(Enum):
@@ -152,7 +153,7 @@ class VehicleClock:
         self.off_rate = 0.0
         """Rate of a clock that is not followed for it, 1 is as fast as ours; 0 for one that is."""
         self._rate = ClockRate()
-        self._zero_times: dict[type, int] = {}
+        self._zero_times = 0
         self._by_arrival = False
         self._steps: deque[int] = deque(maxlen=3)
         self._started = False
@@ -173,28 +174,24 @@ class VehicleClock:
         self._lines: list[_Line] = []
         self._outlier_since_us = 0  # arrival of the first message in a row that did not fit, 0 for none
 
-    def add_message(self, boot_ms: int, arrival_us: int, *, kind: type = object, trails: bool = False) -> ClockReading:
+    def add_message(self, boot_ms: int, arrival_us: int, *, trails: bool = False) -> ClockReading:
         """Learn from one message and return its boot time.
 
         A sender that leaves its boot time at zero has no clock, and one that cannot be followed (a simulator that runs
-        at another speed) has none that helps: the boot time of their messages is their arrival. Where only one kind of
-        message leaves it at zero, as bridges of positions do, only that kind is dated by its arrival.
+        at another speed) has none that helps: the boot time of their messages is their arrival.
 
         Args:
             arrival_us: Unix µs.
-            kind: messages that carry the boot time alike.
             trails: its link is known to be later than another, so that it cannot show a reboot.
         """
         epoch = self.epoch
-        self._zero_times[kind] = self._zero_times.get(kind, 0) + 1 if boot_ms == 0 else 0
-        if not self._by_arrival and self._zero_times[kind] >= self.params.zero_times:
-            if min(self._zero_times.values()) < self.params.zero_times:
-                return ClockReading(self.boot_of(arrival_us), ClockFit.FITS)
+        self._zero_times = self._zero_times + 1 if boot_ms == 0 else 0
+        if not self._by_arrival and self._zero_times >= self.params.zero_times:
             self._fall_back_to_arrival(arrival_us)
         elif self._rate.add(boot_ms * _MS, arrival_us):
             self._heed_rate(arrival_us)
         boot_us = arrival_us if self._by_arrival else self._unwrap(boot_ms * _MS, arrival_us)
-        if not self._started:
+        if not self._started or self._newest == 0:  # a time that was left at zero anchors nothing
             self._started = True
             self._restart(boot_us, arrival_us)
             return ClockReading(boot_us, ClockFit.FITS, new_epoch=self.epoch != epoch)
@@ -219,6 +216,13 @@ class VehicleClock:
         """True if any message has anchored it."""
         return self._started
 
+    def counts_otherwise(self, boot_ms: int, arrival_us: int) -> bool:
+        """Tell whether a boot time is of another count: left at zero, or farther off than any link is late."""
+        if not self._started or self._by_arrival:
+            return False
+        gap_us = (self.boot_of(arrival_us) - boot_ms * _MS) % WRAP_US
+        return boot_ms == 0 or min(gap_us, WRAP_US - gap_us) > self.params.late_most_us
+
     @property
     def newest_us(self) -> int:
         """Latest boot time of any message, µs."""
@@ -242,7 +246,7 @@ class VehicleClock:
     def reset(self) -> None:
         """Start again, for a vehicle whose clock was another's."""
         self._started = self._by_arrival = False
-        self._zero_times.clear()
+        self._zero_times = 0
         self.off_rate = 0.0
         self._rate.clear()
         self._steps.clear()
@@ -421,6 +425,54 @@ class VehicleClock:
         self._by_arrival = True
         self.epoch += 1
         self._restart(arrival_us, arrival_us)
+
+
+class OtherClocks:
+    """Clocks of a vehicle's messages that its autopilot's clock does not date.
+
+    Components have their own, and what bridges a vehicle to MAVLink may date one kind of message by another count than
+    the others, or leave its boot time at zero.
+
+    Args:
+        clock: the autopilot's.
+    """
+
+    def __init__(self, clock: VehicleClock) -> None:
+        self._clock = clock
+        self._clocks: dict[Hashable, VehicleClock] = {}
+        self._dated: set[type] = set()
+        """Kinds of message that the autopilot's clock has dated."""
+
+    def clear(self) -> None:
+        """Forget all, for a vehicle whose autopilot is another component now."""
+        self._clocks.clear()
+        self._dated.clear()
+
+    def of_component(self, component_id: int) -> VehicleClock:
+        """The clock by which a component dates its messages."""
+        return self._clocks.setdefault(component_id, VehicleClock())
+
+    def add_dated(self, kind: type) -> None:
+        """Note that the autopilot's clock dates this kind of message."""
+        self._dated.add(kind)
+
+    def read(self, kind: type, component_id: int, boot_ms: int, arrival_us: int, *, own: bool) -> ClockReading | None:
+        """Boot time, by the autopilot's clock, of a message that this clock does not date; None where it does.
+
+        A kind that it has dated once is always its own: another count then is another sender's.
+
+        Args:
+            arrival_us: Unix µs.
+            own: the autopilot sent it.
+        """
+        clock = self._clocks.get((component_id, kind))
+        if clock is None:
+            if own and (kind in self._dated or not self._clock.counts_otherwise(boot_ms, arrival_us)):
+                return None
+            clock = self._clocks[component_id, kind] = VehicleClock()
+        reading = clock.add_message(boot_ms, arrival_us)
+        made_us = clock.unix_of(reading.boot_us) if reading.fit.fits else arrival_us
+        return ClockReading(self._clock.boot_of(made_us), reading.fit)
 
 
 def _hull_slope(points: list[tuple[int, int]]) -> float:

@@ -29,7 +29,7 @@ NOT_YET = frozenset({"no fix (0/0)", "no GPS fix"})
 """Reasons of a vehicle that waits for its first fix: no fault before it has had one."""
 _NEAR_ZERO_DEG = 1e-3
 """Autopilots without a fix report 0/0, or a few units of 1e-7° around it."""
-_FIX_NONE, _FIX_2D = 1, 2
+_FIX_NONE, FIX_2D = 1, 2
 _STD_OF_FIX_M = {4: 1.0, 5: 0.3, 6: 0.05}
 """1σ by GPS_FIX_TYPE where the receiver reports no accuracy: DGPS, RTK float, RTK fixed."""
 _M_PER_HDOP = 1.5
@@ -162,7 +162,7 @@ def position_stds(gps: GpsRaw | None, limits: VehicleLimits) -> tuple[float, flo
 
 def _level_std(gps: GpsRaw | None, limits: VehicleLimits) -> float:
     """1σ that the receiver estimates, else by its dilution, else by its kind of fix."""
-    if gps is None or gps.fix_type < _FIX_2D:
+    if gps is None or gps.fix_type < FIX_2D:
         return limits.default_std_m
     if math.isfinite(gps.h_acc_m):
         return max(gps.h_acc_m, _MIN_ACCURACY_M)

@@ -202,7 +202,7 @@ class Fleet:
         self._ground_distance = GroundDistance()
         self._handlers: dict[type, Callable[[Vehicle, Any, Arrival], Iterable[Notice]]] = {
             Heartbeat: _add_heartbeat,
-            GpsRaw: lambda vehicle, sample, arrival: vehicle.add_gps(sample, arrival, self.origin),
+            GpsRaw: self._add_gps,
             FilterStatus: lambda vehicle, sample, arrival: vehicle.add_health(sample, arrival),
             SensorHealth: lambda vehicle, sample, arrival: vehicle.add_health(sample, arrival),
             StatusText: lambda vehicle, sample, arrival: vehicle.add_text(sample),
@@ -360,9 +360,16 @@ class Fleet:
         text = f"{kind_name(sample.type)} {packet.system_id} is on the air and not in the mission: ignored"
         return (Notice(t_us=packet.t_us, level="info", kind="vehicle", text=text, system_id=packet.system_id),)
 
-    def _add_position(self, vehicle: Vehicle, sample: GlobalPosition, arrival: Arrival) -> tuple[Notice, ...]:
+    def _add_gps(self, vehicle: Vehicle, sample: GpsRaw, arrival: Arrival) -> tuple[Notice, ...]:
+        notices = tuple(vehicle.add_gps(sample, arrival, self.origin))
+        place = vehicle.raw_position(sample)
+        return notices + (self._add_position(vehicle, place, arrival, raw=True) if place is not None else ())
+
+    def _add_position(
+        self, vehicle: Vehicle, sample: GlobalPosition, arrival: Arrival, *, raw: bool = False
+    ) -> tuple[Notice, ...]:
         reason = vehicle.compare_place(sample, arrival)
-        if not vehicle.is_from_autopilot(sample, arrival):
+        if not vehicle.is_in_use(sample, arrival, raw=raw):
             return vehicle.conflict_notices(sample.t_us)
         reading, notices = vehicle.learn_clock(sample, arrival)
         report = PositionReport(sample, arrival, reading)
@@ -499,7 +506,7 @@ def _add_heartbeat(vehicle: Vehicle, sample: Heartbeat, arrival: Arrival) -> Ite
 
 
 def _add_attitude(vehicle: Vehicle, sample: Attitude, arrival: Arrival) -> tuple[Notice, ...]:
-    if not vehicle.is_from_autopilot(sample, arrival):
+    if not vehicle.is_in_use(sample, arrival):
         return ()
     reading, notices = vehicle.learn_clock(sample, arrival)
     vehicle.add_attitude(sample, arrival, reading)

@@ -13,10 +13,10 @@ from pymavlink.dialects.v20.ardupilotmega import MAVLINK_MSG_ID_GLOBAL_POSITION_
 
 from infra.reporting import Throttle
 from mavlink.duplicate_id.claimed_places import FRESH_BOOT_US
-from mavlink.duplicate_id.components import NO_COMPONENT, Components
+from mavlink.duplicate_id.components import NO_COMPONENT, Components, PositionSource, PositionSources
 from mavlink.duplicate_id.duplicate_id import DuplicateIdDetector
 from mavlink.duplicate_id.sender_path import MAX_LINK_LAG_US
-from mavlink.estimation.clock import ClockFit, ClockReading, VehicleClock
+from mavlink.estimation.clock import ClockFit, ClockReading, OtherClocks, VehicleClock
 from mavlink.estimation.clock_health import ClockHealth
 from mavlink.estimation.gimbal import GimbalSample
 from mavlink.estimation.interpolation import LOST_S, Attitudes, Fix, PositionEstimate
@@ -30,6 +30,7 @@ from mavlink.estimation.position_quality import (
     RepeatedPositions,
 )
 from mavlink.estimation.positions import (
+    FIX_2D,
     UNSTEADY_ALTITUDE,
     Positions,
     VehicleLimits,
@@ -142,13 +143,13 @@ class Vehicle:
         self.doubts = PositionDoubts()
         self.conditions = ConditionReports(self.rejections.count)
         self._duplicate_id = DuplicateIdDetector(limits, drives=drives, links=links, address=address)
-        self._component_clocks: dict[int, VehicleClock] = {}
-        """Clocks of components other than the autopilot, by component id."""
+        self._other_clocks = OtherClocks(self.clock)
         self.usual_delay_us = 0.0
         """Delay of most messages behind the quickest of them, µs: the 0.9 expectile of their delays."""
         self._drives, self._limits = drives, limits
         self._reception, self._clock_health = Reception(), ClockHealth()
         self._components, self._receivers = Components(), GpsReceivers()
+        self._sources = PositionSources()
         self._jumps, self._repeats, self._texts = JumpDetector(), RepeatedPositions(), StatusTexts()
         self._change_reports, self._autopilot_reports = Throttle(_CHANGE_US), Throttle(_OTHER_AUTOPILOT_US)
 
@@ -212,6 +213,8 @@ class Vehicle:
         own = note(component_id, t_us)
         if own and before not in (NO_COMPONENT, component_id):
             self.clock.reset()
+            self._other_clocks.clear()
+            self._sources = PositionSources()
             self._drop_samples()
             self.doubts = PositionDoubts()
         return own
@@ -246,6 +249,24 @@ class Vehicle:
         if text:
             yield self._notice(sample.t_us, level, text)
 
+    def raw_position(self, sample: GpsRaw) -> GlobalPosition | None:
+        """The place that its receiver measured, dated by its arrival; None without a fix or where a better comes."""
+        used = self._sources.used
+        if sample.fix_type < FIX_2D or (used is not None and not used.raw):
+            return None
+        return GlobalPosition(
+            *(sample.t_us, sample.system_id, sample.component_id),
+            boot_ms=0,
+            lat_deg=sample.lat_deg,
+            lon_deg=sample.lon_deg,
+            alt_m=sample.alt_m,
+            relative_alt_m=math.nan,
+            v_north=sample.speed * math.cos(sample.course),
+            v_east=sample.speed * math.sin(sample.course),
+            v_down=math.nan,
+            heading=math.nan,
+        )
+
     def add_text(self, sample: StatusText) -> Iterator[Notice]:
         """STATUSTEXT; pieces of long texts are put together, repetitions within seconds are left out."""
         level, text = self._texts.add(sample)
@@ -279,8 +300,14 @@ class Vehicle:
     def learn_clock(self, sample: Attitude | GlobalPosition, arrival: Arrival) -> tuple[ClockReading, Notices]:
         """Learn from a sample's boot time; what it shows of the clock, and notices."""
         clock, t_us, sender = self.clock, sample.t_us, arrival.sender
+        own = sample.component_id == self._components.autopilot
+        other = self._other_clocks.read(type(sample), sample.component_id, sample.boot_ms, t_us, own=own)
+        if other is not None:
+            return other, self.conflict_notices(t_us)
+        if not clock.started:
+            self._drop_samples()
         trails = self._duplicate_id.is_slower_link(sender)
-        reading = clock.add_message(sample.boot_ms, t_us, kind=type(sample), trails=trails)
+        reading = clock.add_message(sample.boot_ms, t_us, trails=trails)
         if reading.fit is not ClockFit.OUTLIER:
             delay_us = t_us - clock.unix_of(reading.boot_us)
             if not reading.fit.late:
@@ -292,6 +319,8 @@ class Vehicle:
             self.doubts = PositionDoubts()
             return reading, (self._notice(t_us, "warning", f"system {self.system_id} has rebooted"),)
         if reading.fit.fits:
+            if sample.boot_ms:
+                self._other_clocks.add_dated(type(sample))
             self._duplicate_id.add_usual_clock(t_us, sender)
         elif reading.fit is ClockFit.OUTLIER and not trails:
             reading = self._check_other_clock(reading, t_us, sender)
@@ -311,7 +340,7 @@ class Vehicle:
             return None
         boot_us = clock.boot_at(sample.boot_ms, t_us) if sample.boot_ms else None
         if sample.boot_ms and component != self._components.autopilot:
-            own = self._component_clocks.setdefault(component, VehicleClock())
+            own = self._other_clocks.of_component(component)
             counts_on = not own.started or own.boot_at(sample.boot_ms, t_us) != own.newest_us
             reading = own.add_message(sample.boot_ms, t_us)
             made_us = own.unix_of(reading.boot_us) if reading.fit.fits and counts_on else t_us
@@ -337,9 +366,20 @@ class Vehicle:
         self._duplicate_id.add_other_clock(t_us, sender, -early_us * 1e-6)
         return reading
 
-    def is_from_autopilot(self, sample: Attitude | GlobalPosition, arrival: Arrival) -> bool:
-        """Tell whether a position or an attitude is the vehicle's now: its autopilot's, and not over a late channel."""
-        if not self._note_component(sample.component_id, sample.t_us, heartbeat=False):
+    def is_in_use(self, sample: Attitude | GlobalPosition, arrival: Arrival, *, raw: bool = False) -> bool:
+        """Tell whether a position or an attitude is the vehicle's now, and did not come over a late channel.
+
+        Args:
+            raw: a position of its receiver, not of its autopilot's filter.
+        """
+        used = self._note_component(sample.component_id, sample.t_us, heartbeat=False)
+        if isinstance(sample, GlobalPosition):
+            before = self._sources.used
+            used = self._sources.add(PositionSource(used, raw, sample.component_id), sample.t_us)
+            if before not in (None, self._sources.used):
+                self._other_clocks.clear()
+                self._drop_samples()
+        if not used:
             return False
         if arrival.late:
             self.rejections.count("over a link that is seconds late")
@@ -451,9 +491,9 @@ class Vehicle:
         return not (self.in_conflict(t_us) or self._jumps.is_jumping(t_us))
 
     def conflict_notices(self, t_us: int) -> Notices:
-        """Notices when a second sender was found, or is gone again, or another component is the autopilot."""
-        reports = self._duplicate_id.report(t_us, self.system_id), self._components.report()
-        if not (reports[0][1] or reports[1][1]):
+        """Notices when a second sender was found or is gone, or another component is the autopilot or reports."""
+        reports = self._duplicate_id.report(t_us, self.system_id), self._components.report(), self._sources.report()
+        if not any(text for _, text in reports):
             return ()
         return tuple(self._notice(t_us, level, text) for level, text in reports if text)
 

@@ -117,7 +117,7 @@ def _hdop(eph: int) -> float:
 
 
 def _gps_raw(head: _Head, v: _Values) -> GpsRaw:
-    fix_us, lat, lon, alt, eph, _, _, _, fix_type, satellites, _, h_acc, v_acc, *_ = v
+    fix_us, lat, lon, alt, eph, _, speed, course, fix_type, satellites, _, h_acc, v_acc, *_ = v
     return GpsRaw(
         *head,
         fix_type,
@@ -129,6 +129,8 @@ def _gps_raw(head: _Head, v: _Values) -> GpsRaw:
         h_acc * 1e-3 if 0 < h_acc < 0xFFFFFFFF else math.nan,
         v_acc * 1e-3 if 0 < v_acc < 0xFFFFFFFF else math.nan,
         fix_us,
+        speed * 0.01 if speed < 65535 else math.nan,
+        course * 0.01 * _RAD if course <= 36000 else math.nan,
     )
 
 

@@ -111,6 +111,10 @@ class GpsRaw(_Sample):
     v_acc_m: float
     fix_us: int
     """Time of the fix: µs since boot on most autopilots, Unix time on some, 0 unknown."""
+    speed: float
+    """Over ground, m/s, NaN unknown."""
+    course: float
+    """Over ground, clockwise from north, rad, NaN unknown."""
 
 
 @dataclass(frozen=True, slots=True)

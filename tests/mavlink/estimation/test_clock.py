@@ -17,8 +17,8 @@ class ObservedClock(VehicleClock):
     reboots = 0
     fit = ClockFit.FITS
 
-    def add_message(self, boot_ms, arrival_us, *, kind=object, trails=False):
-        reading = super().add_message(boot_ms, arrival_us, kind=kind, trails=trails)
+    def add_message(self, boot_ms, arrival_us, *, trails=False):
+        reading = super().add_message(boot_ms, arrival_us, trails=trails)
         self.reboots += reading.rebooted
         self.fit = reading.fit
         return reading
@@ -195,25 +195,6 @@ def test_sender_without_boot_time_counts_by_arrival():
         if i >= 3:
             assert t_us == T0 + i * 100_000
     assert clock.boot_of(T0 + 7 * S) == T0 + 7 * S
-
-
-@pytest.mark.parametrize("rate", [1, 5, 20])
-def test_positions_without_boot_time_beside_attitudes_that_have_one(rate):
-    clock, vehicle = ObservedClock(), Vehicle(booted_us=T0 - 1000 * S)
-    dated = {int: [], float: []}
-    for i in range(30 * 20):
-        t_us = T0 + i * S // 20
-        boot_ms, arrival_us = vehicle.message(t_us)
-        messages = [(float, boot_ms)] + [(int, 0)] * (i % (20 // rate) == 0)
-        for kind, boot_ms in messages:
-            reading = clock.add_message(boot_ms, arrival_us, kind=kind)
-            dated[kind].append((reading.fit.fits, abs(clock.unix_of(reading.boot_us) - t_us)))
-    assert clock.reboots == 0 and clock.epoch == 0
-    assert all(fits and late_us < 50_000 for fits, late_us in dated[float])
-    assert all(fits and late_us < 50_000 for fits, late_us in dated[int][2:])
-    for kind in (float, int):
-        clock.add_message(0, arrival_us, kind=kind)
-    assert clock.epoch == 0, "one damaged attitude does not make the vehicle one without a clock"
 
 
 def test_parameters_bound_the_drift():

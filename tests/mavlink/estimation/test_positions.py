@@ -25,7 +25,7 @@ def report(lat=-35.36, lon=149.16, *, v=(0.0, 0.0), heading=0.0):
 
 
 def receiver(fix_type=3, *, h_acc=NAN, hdop=NAN):
-    return GpsRaw(0, 11, 1, fix_type, 0.0, 0.0, 0.0, hdop, 12, h_acc, NAN, 0)
+    return GpsRaw(0, 11, 1, fix_type, 0.0, 0.0, 0.0, hdop, 12, h_acc, NAN, 0, NAN, NAN)
 
 
 @pytest.mark.parametrize(

@@ -92,7 +92,9 @@ def test_attitude_quaternion_is_an_attitude():
 
 def test_gps_accuracy_and_its_absence():
     full = decoded(UAV.gps_raw_int(0, 1.5, -2.5, 30.0, fix_type=6, satellites=17, hdop=0.7, h_acc_m=0.3))
-    assert full == GpsRaw(77, 1, 1, 6, 1.5, -2.5, 30.0, pytest.approx(0.7), 17, 0.3, full.v_acc_m, full.fix_us)
+    assert full == GpsRaw(
+        77, 1, 1, 6, 1.5, -2.5, 30.0, pytest.approx(0.7), 17, 0.3, full.v_acc_m, full.fix_us, full.speed, full.course
+    )
     bare = decoded(MessageEncoder(1, version=1).gps_raw_int(0, 0, 0, 0, satellites=255))
     assert math.isnan(bare.hdop) and math.isnan(bare.h_acc_m) and math.isnan(bare.v_acc_m)
     assert bare.satellites == -1
