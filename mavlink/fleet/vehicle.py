@@ -506,14 +506,14 @@ class Vehicle:
         heartbeat, reception, doubt = self._components.heartbeat, self._reception, self.doubt(t_us)
         rejected_packets, jumping = reception.rejections, self._jumps.is_jumping(t_us)
         contested = self.in_conflict(t_us)
-        gps = self._receivers.of_component(t_us, self._components.autopilot)
+        gps = self._receiver(t_us)
         position_state = self.position_state(t_us, estimate)
         return VehicleStatus(
             system_id=self.system_id,
             kind=self._components.kind,
             mode=self._components.mode,
             armed=heartbeat.armed if heartbeat else None,
-            fix=fix_name(gps.fix_type) if gps else "none",
+            fix=fix_name(gps.fix_type) if gps else "",
             heartbeat_age_s=max(0.0, (t_us - heartbeat.t_us) * 1e-6) if heartbeat else math.inf,
             position_age_s=estimate.age_s if estimate else math.inf,
             position_state=position_state,
@@ -545,6 +545,12 @@ class Vehicle:
             doubted_for=doubt.reason if doubt is not None else "",
             compass_doubted=self.doubts.compass_doubted(t_us),
         )
+
+    def _receiver(self, t_us: int) -> GpsRaw | None:
+        """What was last reported of the receiver that its positions come from, else of its autopilot's."""
+        used = self._sources.used
+        gps = self._receivers.of_component(t_us, used.component_id) if used is not None else None
+        return gps or self._receivers.of_component(t_us, self._components.autopilot)
 
     def position_state(self, t_us: int, estimate: PositionEstimate | None) -> PositionState:
         """Reliability of the position."""

@@ -78,6 +78,7 @@ def test_positions_by_another_count_than_attitudes(component_id, boot_ms, rate_h
 def test_positions_of_a_companion_are_used_where_the_autopilot_has_none():
     bridge = Bridge(component_id=191)
     assert max(bridge.run()) < 0.1
+    assert bridge.world.fleet.at(T0 + LAST_S * S).vehicles[1].fix == "", "nothing tells of its receiver"
     notices = [notice for notice in bridge.world.notices if "positions are those" in notice.text]
     assert [(n.system_id, n.level, n.text) for n in notices] == [
         (11, "info", "positions are those of component 191, since its autopilot reports none")
@@ -110,7 +111,8 @@ def test_a_receiver_is_used_where_nothing_else_reports_a_place():
     bridge = Bridge(raw=True)
     assert max(bridge.run()) < 0.5
     assert bridge.texts() == []
-    assert math.isclose(bridge.world.fleet.at(T0 + LAST_S * S).std_m[0], 0.3, rel_tol=0.2)
+    state = bridge.world.fleet.at(T0 + LAST_S * S)
+    assert math.isclose(state.std_m[0], 0.3, rel_tol=0.2) and state.vehicles[1].fix == "3D"
 
 
 def test_another_sender_that_counts_otherwise_is_still_found_out():
