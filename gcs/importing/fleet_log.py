@@ -330,6 +330,7 @@ def _vehicle_log(path: Path, fleet: FleetTlog, system_id: int) -> VehicleLog:
         clock="utc",
         dated=fleet.clock,
         system_id=system_id,
+        flies=system_id in fleet.aircraft,
         places=replace(places.select(in_order(places.t_us)), std_m=_std_m(fleet, system_id)),
         attitudes=attitudes,
         gimbal=gimbal,

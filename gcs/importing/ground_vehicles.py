@@ -113,7 +113,7 @@ def read_ground_vehicles(tlog: Path | None, ugv: Sequence[str]) -> GroundVehicle
                 raise ImportFileError(
                     f"--ugv {word}: {log.source} does not know the date, so that it cannot be put beside the others"
                 )
-            _check_own_log(log, logs)
+            check_own_log(log, logs)
             logs[system_id] = log
     fleet = open_fleet(tlog) if tlog is not None else None
     places = {i: fleet.places(i) for i in fleet.ground} if fleet is not None else {}
@@ -130,7 +130,7 @@ def read_ground_vehicles(tlog: Path | None, ugv: Sequence[str]) -> GroundVehicle
     )
 
 
-def _check_own_log(log: VehicleLog, others: Mapping[int, VehicleLog]) -> None:
+def check_own_log(log: VehicleLog, others: Mapping[int, VehicleLog]) -> None:
     """See that a log is not that of another vehicle as well.
 
     Raises:

@@ -23,7 +23,7 @@ from gcs.importing.checks.side_by_side import above_fleet, fleet_words, height_w
 from gcs.importing.clock_choice import MIN_HEIGHT_M, searched_times
 from gcs.importing.film import ImportedFilm, open_film
 from gcs.importing.film_log import read_film_log
-from gcs.importing.ground_vehicles import LAST_ID, GroundVehicles, clock_words, read_ground_vehicles
+from gcs.importing.ground_vehicles import LAST_ID, GroundVehicles, check_own_log, clock_words, read_ground_vehicles
 from gcs.importing.messages import TlogRecord, vehicle_records
 from gcs.importing.smoothing import filled_in
 from gcs.importing.sources import read_vehicle_logs
@@ -287,8 +287,11 @@ def _import_film(options: ImportOptions, fleet: GroundVehicles, taken: Collectio
         return _import_from_mast(film, options.uav, options, fleet)
     aircraft = [i for i in fleet.aircraft if i not in taken]
     uav, unread = _uav_log(options, coarse=not aircraft)
-    uav, swapped = above_fleet(on_film(uav, film), fleet) if uav is not None else (None, ())
-    uav = replace(uav, places=filled_in(uav.places)) if uav is not None else None
+    swapped: tuple[str, ...] = ()
+    if uav is not None:
+        check_own_log(uav, fleet.logs)
+        uav, swapped = above_fleet(on_film(uav, film), fleet)
+        uav = replace(uav, places=filled_in(uav.places))
     uav_id = _uav_id(aircraft, {*fleet.used_ids, *taken}, uav, unread)
     chosen, uav = choose_camera(film, uav, options.camera)
     timeline = find_timeline(film, uav, fleet.span_us, options.clock_s)
