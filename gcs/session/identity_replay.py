@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Collection, Iterator
 from pathlib import Path
 
 import numpy as np
 
+from gcs.certainty import CONFIRMED
 from gcs.mission.mission import Mission
 from gcs.session.identity_log import read_identity
 from gcs.session.tables import Table
@@ -32,19 +33,20 @@ def read_snapshots(
         warn(f"{identity}: {table.skipped} rows could not be used")
     order = np.argsort(table["frame"], kind="stable")
     frames = table["frame"][order].astype(np.int64)
-    names = tuple(_name_row(mission, i) for i in (mission.uav.system_id, *mission.ugv_ids))
     camera = mission.camera.intrinsics if mission.camera else None
     size = (camera.width, camera.height) if camera else (1920, 1080)
     for index, t_us, image in _frames(frames, table["time_us"][order], video):
         rows = order[slice(*np.searchsorted(frames, (index, index + 1)))]
+        boxes = tuple(_box(table, int(row)) for row in rows)
+        sure = {box.system_id for box in boxes if box.confidence >= CONFIRMED}
         yield Snapshot(
             t_us=t_us,
             frame=index,
             width=image.shape[1] if image is not None else size[0],
             height=image.shape[0] if image is not None else size[1],
             image=image,
-            vehicles=names,
-            boxes=tuple(_box(table, int(row)) for row in rows),
+            vehicles=tuple(_name_row(mission, i, sure) for i in (mission.uav.system_id, *mission.ugv_ids)),
+            boxes=boxes,
             footprint_enu=None,
             uav_enu=np.full(3, np.nan),
             uav_heading=NAN,
@@ -85,7 +87,11 @@ def _whole(value: float) -> int:
     return 0 if np.isnan(value) else int(value)
 
 
-def _name_row(mission: Mission, system_id: int) -> VehicleRow:
-    """A table row that knows the name and nothing else."""
-    is_uav = system_id == mission.uav.system_id
-    return VehicleRow(system_id=system_id, name=mission.name_of(system_id), role="uav" if is_uav else "ugv")
+def _name_row(mission: Mission, system_id: int, sure: Collection[int]) -> VehicleRow:
+    """A table row that knows the name, and whether that is sure, and nothing else."""
+    return VehicleRow(
+        system_id=system_id,
+        name=mission.name_of(system_id),
+        role="uav" if system_id == mission.uav.system_id else "ugv",
+        standing="confirmed" if system_id in sure else "no position",
+    )

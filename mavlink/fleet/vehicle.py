@@ -473,7 +473,7 @@ class Vehicle:
             kind=self._components.kind,
             mode=self._components.mode,
             armed=heartbeat.armed if heartbeat else None,
-            fix=fix_name(gps.fix_type) if gps else "none",
+            fix=fix_name(gps.fix_type) if gps else "",
             heartbeat_age_s=max(0.0, (t_us - heartbeat.t_us) * 1e-6) if heartbeat else math.inf,
             position_age_s=estimate.age_s if estimate else math.inf,
             position_state=position_state,
