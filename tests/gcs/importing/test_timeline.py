@@ -8,7 +8,7 @@ from gcs.errors import ImportFileError
 from gcs.importing.camera_choice import CameraOptions, choose_camera
 from gcs.importing.film import ImportedFilm
 from gcs.importing.timeline import check_overlap, find_timeline
-from gcs.importing.vehicle_log import ImportNotes, PlaceTrack, VehicleLog
+from gcs.importing.vehicle_log import ImportNotes, PlaceTrack, VehicleLog, ViewTrack
 from vision.errors import CameraError
 
 T0 = 1_790_000_000_000_000
@@ -63,3 +63,15 @@ def test_a_lens_described_for_the_coded_picture_or_the_shown_one(lens, tmp_path)
     if lens[0] == 1440:
         with pytest.raises(CameraError, match="another aspect"):
             choose_camera(square, None, CameraOptions(lens=tmp_path / "lens.toml"))
+
+
+def test_upright_pictures_are_seen_across_their_longer_side():
+    upright = dataclasses.replace(FILM, width=1080, height=1920)
+    view = ViewTrack(t_us=np.array([0, 1_000_000]), hfov=np.radians([71.6, 40.0]), source="focal length")
+    uav = dataclasses.replace(uav_log(0.0, 2.0, "video"), view=view)
+    for options in (CameraOptions(model="dji-mini-3"), CameraOptions()):
+        chosen, log = choose_camera(upright, uav, options)
+        assert chosen.camera.fx == pytest.approx(960.0 / np.tan(np.radians(35.8)), rel=1e-3)
+        assert "71.6° across the longer side" in chosen.optics
+        assert np.tan(0.5 * log.view.hfov) == pytest.approx(np.tan(np.radians([35.8, 20.0])) * 1080 / 1920)
+    assert choose_camera(upright, None, CameraOptions(fov_deg=90.0))[0].camera.fx == pytest.approx(540.0)
