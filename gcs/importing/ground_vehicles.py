@@ -15,6 +15,7 @@ from gcs.importing.checks.plausible import metres
 from gcs.importing.fleet_log import FleetTlog, open_fleet
 from gcs.importing.messages import TlogRecord, vehicle_records
 from gcs.importing.sources import read_vehicle_logs
+from gcs.importing.timeline import is_about
 from gcs.importing.vehicle_log import PlaceTrack, VehicleLog
 
 LAST_ID = 255
@@ -47,8 +48,17 @@ class GroundVehicles:
     @property
     def span_us(self) -> tuple[int, int]:
         """First and last position, Unix µs."""
-        tracks = list(self.places.values())
-        return min(int(track.t_us[0]) for track in tracks), max(int(track.t_us[-1]) for track in tracks)
+        first_us, last_us = zip(*self.spans_us.values(), strict=True)
+        return min(first_us), max(last_us)
+
+    @property
+    def spans_us(self) -> dict[str, tuple[int, int]]:
+        """First and last position of each, Unix µs, by what tells of it."""
+        tlog = self.tlog.tlog.path.name if self.tlog is not None else ""
+        return {
+            f"{self.logs[i].source if i in self.logs else tlog}, system {i},": (int(track.t_us[0]), int(track.t_us[-1]))
+            for i, track in self.places.items()
+        }
 
     @property
     def ground_m(self) -> float:
@@ -82,14 +92,22 @@ class GroundVehicles:
         """System ids of the aircraft in the telemetry log."""
         return self.tlog.aircraft if self.tlog is not None else ()
 
-    def streams(self) -> list[Iterable[TlogRecord]]:
-        """Records of the ground vehicles, each stream in order of time."""
+    def streams(self, films_us: Sequence[tuple[int, int]]) -> list[Iterable[TlogRecord]]:
+        """Records of the ground vehicles, each stream in order of time, without logs from another time than all films.
+
+        Args:
+            films_us: first and last moment of each, Unix µs.
+        """
         streams: list[Iterable[TlogRecord]] = []
         if self.tlog is not None:
             streams.append(self.tlog.records(without=self.logs))
         home_m = self.ground_m
         for system_id, log in self.logs.items():
-            streams.append(vehicle_records(log, system_id, 0, flies=False, home_m=0.0 if np.isnan(home_m) else home_m))
+            span_us = int(log.places.t_us[0]), int(log.places.t_us[-1])
+            if any(is_about(film_us, span_us) for film_us in films_us):
+                streams.append(
+                    vehicle_records(log, system_id, 0, flies=False, home_m=0.0 if np.isnan(home_m) else home_m)
+                )
         return streams
 
 

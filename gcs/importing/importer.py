@@ -251,7 +251,8 @@ def import_flight(out: Path, options: ImportOptions) -> ImportReport:
         mission = replace(mission, view=tuple(each.view for each in others), map=ground)
     except ValueError as error:
         raise ImportFileError(str(error)) from None
-    streams = [*fleet.streams(), *(each.records for each in filmed)]
+    films_us = [(each.film_us, each.film_us + film_length_us(each.film)) for each in filmed]
+    streams = [*fleet.streams(films_us), *(each.records for each in filmed)]
     write_imported(out, [(each.film, each.film_us) for each in filmed], streams, mission, report.table())
     return report
 
@@ -311,7 +312,7 @@ def _import_film(options: ImportOptions, fleet: GroundVehicles, taken: Collectio
                 raise
             raise ImportFileError(f"{error}, which is for the first film: import this one by itself") from error
     uav_span = _uav_span(uav, uav_id, fleet, timeline)
-    partly = check_overlap(film, timeline, uav_span, fleet.span_us, dict.fromkeys(fleet.assumed))
+    partly = check_overlap(film, timeline, uav_span, fleet.span_us, dict.fromkeys(fleet.assumed), fleet.spans_us)
     report = _report(film, fleet, uav, chosen, timeline, uav_id)
     return _Filmed(
         film=film,
@@ -343,7 +344,9 @@ def _import_from_mast(film: ImportedFilm, path: Path, options: ImportOptions, fl
         standing = replace(mission, mast=_with_altitude(view.mast, fleet))
         timeline = searched_times(film, None, fleet, standing, (), timeline, options.clock_within_s)
     whole = timeline.film_us, timeline.film_us + film_length_us(film)
-    partly = check_overlap(film, timeline, (path.name, whole), fleet.span_us, dict.fromkeys(fleet.assumed))
+    partly = check_overlap(
+        film, timeline, (path.name, whole), fleet.span_us, dict.fromkeys(fleet.assumed), fleet.spans_us
+    )
     report = _report(film, fleet, None, chosen, timeline, mission.uav.system_id)
     stands = f"{path.name}: on a mast at {view.mast.latitude_deg:.5f}, {view.mast.longitude_deg:.5f}"
     found = tuple((what, stands if what == "uav" else text) for what, text in report.found)

@@ -66,11 +66,6 @@ def test_what_cannot_be_used_says_why(words, why, tmp_path):
         ((*GREY, "--ugv", "11=time_units_message_rover_ns.csv"), 60, ""),
         ((*GREY, "--ugv", "11=qgc_csv_rover.csv"), 60, "times without a zone are UTC"),
         (
-            (*GREY, "--ugv", "11=first_receiver_dead_rover.bin"),
-            49,
-            "the fleet tells of 4.8 s of the film's 19.9 s",
-        ),
-        (
             (*GREY[:4], "companion_position_uav.csv", "--tlog", "companion_position_fleet.tlog"),
             400,
             "by the fleet's median altitude of 430.0 m",
@@ -95,6 +90,24 @@ def test_a_vehicles_log_is_that_of_one_vehicle_on_the_films_time(words, count, s
     for system_id in (report["uav"], *report["ugv"]):
         times = log.index.t_us[log.columns(33, system_id)[0]]
         assert times.min() - 2_000_000 < first_us < times.max(), system_id
+
+
+def test_a_log_of_another_hour_is_told_and_left_out(tmp_path):
+    late = tmp_path / "late.csv"
+    late.write_text((FOLDER / "row_id_rover.csv").read_text().replace("T08:", "T09:"))
+    code, report, _ = imported((*GREY, "--ugv", "11=row_id_rover.csv", "--ugv", f"12={late}"), tmp_path / "s")
+    assert code == 0 and report["ugv"] == [11, 12]
+    said = (
+        "late.csv, system 12, tells nothing of the film: of 2025-10-09 09:53:20 to 2025-10-09 09:53:49, from +3600.0 s"
+    )
+    assert any(text.startswith(said) for text in report["assumed"])
+    log = Tlog.open(tmp_path / "s" / "telemetry.tlog")
+    assert np.ptp(log.index.t_us) < 60_000_000 and 12 not in log.index.system_id
+
+
+def test_places_are_those_of_the_receiver_that_has_fixes():
+    (log,) = read_vehicle_logs(FOLDER / "first_receiver_dead_rover.bin")
+    assert len(log.places) == 49 and np.ptp(log.places.alt_m) < 5.0
 
 
 def test_the_velocity_is_that_of_the_core_that_flies():

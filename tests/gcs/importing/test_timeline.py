@@ -1,4 +1,5 @@
 import dataclasses
+import re
 from pathlib import Path
 
 import numpy as np
@@ -7,7 +8,7 @@ import pytest
 from gcs.errors import ImportFileError
 from gcs.importing.camera_choice import CameraOptions, choose_camera
 from gcs.importing.film import ImportedFilm
-from gcs.importing.timeline import check_overlap, find_timeline
+from gcs.importing.timeline import check_overlap, find_timeline, is_about
 from gcs.importing.vehicle_log import ImportNotes, PlaceTrack, VehicleLog, ViewTrack
 from vision.errors import CameraError
 
@@ -44,6 +45,18 @@ def test_what_was_assumed_of_the_fleet_is_told_where_it_does_not_fit():
     times = find_timeline(FILM, None, FLEET, 3600.0)
     with pytest.raises(ImportFileError, match=r"--clock \+SECONDS \(rover\.gpx: times without a zone are UTC\)$"):
         check_overlap(FILM, times, ("uav.csv", FLEET), FLEET, ["rover.gpx: times without a zone are UTC"])
+
+
+def test_a_vehicle_that_reports_less_of_the_film_than_the_fleet_is_told():
+    times = find_timeline(FILM, None, FLEET, 0.0)
+    film_us = times.film_us, times.film_us + 19_800_000
+    spans = {"a": FLEET, "b": (T0 + 10_000_000, FLEET[1]), "c": (T0 + 3_600_000_000, T0 + 3_601_000_000)}
+    told = check_overlap(FILM, times, ("uav.csv", FLEET), FLEET, vehicles=spans)
+    assert told[0] == "b tells of 9.8 s of the film's 19.8 s"
+    assert re.fullmatch(r"c tells nothing of the film: of .*, from \+3600\.0 s of the film on", told[1])
+    assert [is_about(film_us, span) for span in spans.values()] == [True, True, False]
+    late = (T0 + 10_000_000, FLEET[1])
+    assert len(check_overlap(FILM, times, ("uav.csv", FLEET), late, vehicles={"a": late, "b": late})) == 1
 
 
 LENS = "width = {}\nheight = {}\nfx = {}\nfy = {}\ncx = {}\ncy = {}\n"
