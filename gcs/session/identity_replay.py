@@ -6,17 +6,25 @@ from collections.abc import Callable, Collection, Iterator
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gcs.certainty import CONFIRMED
+from gcs.errors import SessionError
 from gcs.mission.mission import Mission
 from gcs.session.identity_log import read_identity
 from gcs.session.tables import Table
 from gcs.snapshot import NAN, Box, Health, Snapshot, VehicleRow
 from vision.video.video import VideoFile
 
+_SAME_US = 1_000_000
+
 
 def read_snapshots(
-    identity: Path, mission: Mission, video: VideoFile | None, warn: Callable[[str], None] = lambda text: None
+    identity: Path,
+    mission: Mission,
+    video: VideoFile | None,
+    warn: Callable[[str], None] = lambda text: None,
+    times_us: NDArray[np.int64] | None = None,
 ) -> Iterator[Snapshot]:
     """Go through an identity log frame by frame.
 
@@ -24,15 +32,18 @@ def read_snapshots(
         identity: path of ``identity.csv``.
         video: gives the images, None: there are none.
         warn: called with a line if rows could not be used.
+        times_us: (n,) of the recording's frames, None: not known.
 
     Raises:
-        SessionError: the file is no identity log.
+        SessionError: the file is no identity log, or that of another recording.
     """
     table = read_identity(identity)
     if table.skipped:
         warn(f"{identity}: {table.skipped} rows could not be used")
     order = np.argsort(table["frame"], kind="stable")
     frames = table["frame"][order].astype(np.int64)
+    if times_us is not None and not _is_of(frames, table["time_us"][order], times_us):
+        raise SessionError(f"{identity}: its frames are not those of this recording; give the one that was made of it")
     camera = mission.camera.intrinsics if mission.camera else None
     size = (camera.width, camera.height) if camera else (1920, 1080)
     for index, t_us, image in _frames(frames, table["time_us"][order], video):
@@ -52,6 +63,13 @@ def read_snapshots(
             uav_heading=NAN,
             health=Health(),
         )
+
+
+def _is_of(frames: NDArray[np.int64], at_us: NDArray[np.float64], times_us: NDArray[np.int64]) -> bool:
+    """Tell whether frames with these times are some of a recording's, whichever clock either is of."""
+    if not len(frames) or not len(times_us):
+        return True
+    return bool(0 <= frames[0] <= frames[-1] < len(times_us) and np.ptp(at_us - times_us[frames]) < _SAME_US)
 
 
 def _frames(
