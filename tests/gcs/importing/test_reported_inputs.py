@@ -9,6 +9,7 @@ import pytest
 from gcs.importing.film import open_film
 from gcs.importing.sources import read_vehicle_logs
 from gcs.mission.mission import load_mission
+from mavlink.protocol.modes import mode_name
 from mavlink.tlog.log import Tlog
 from tests.support.command_line import run_gcs
 from vision.video.video import VideoFile
@@ -103,6 +104,14 @@ def test_a_log_of_another_hour_is_told_and_left_out(tmp_path):
     assert any(text.startswith(said) for text in report["assumed"])
     log = Tlog.open(tmp_path / "s" / "telemetry.tlog")
     assert np.ptp(log.index.t_us) < 60_000_000 and 12 not in log.index.system_id
+
+
+def test_modes_that_no_file_tells_are_not_told(tmp_path):
+    assert imported((*GREY, "--ugv", "11=row_id_rover.csv"), tmp_path / "s")[0] == 0
+    _, beats = Tlog.open(tmp_path / "s" / "telemetry.tlog").columns(0)
+    names = ("type", "autopilot", "base_mode", "custom_mode")
+    assert {mode_name(*(int(beat[name]) for name in names)) for beat in beats} == {""}
+    assert set(beats["type"]) == {2, 10}
 
 
 def test_places_are_those_of_the_receiver_that_has_fixes():
