@@ -178,14 +178,17 @@ def clock_words(log: VehicleLog, telemetry: PlaceTrack) -> tuple[str, ...]:
         shared = telemetry.select(rows[:: len(rows) // _MAX_SHARED + 1])
         half = np.arange(len(shared)) < len(shared) // 2
         offsets = np.arange(-search_us, search_us + 1, step_us)
-        parts = [_lead(log.places, shared.select(half), offsets), _lead(log.places, shared.select(~half), offsets)]
+        parts = [
+            path_lead(log.places, shared.select(half), offsets),
+            path_lead(log.places, shared.select(~half), offsets),
+        ]
         if abs(parts[1].ahead_us - parts[0].ahead_us) >= _MIN_AHEAD_US and all(each.known for each in parts):
             first_s, second_s = (each.ahead_us * 1e-6 for each in parts)
             return (
                 f"{log.source}: its clock runs otherwise than the telemetry of the same vehicle: it is "
                 f"{first_s:+.2f} s ahead in the first half and {second_s:+.2f} s in the second; the log counts",
             )
-        whole = _lead(log.places, shared, offsets)
+        whole = path_lead(log.places, shared, offsets)
         if whole.known and abs(whole.ahead_us) < _MIN_AHEAD_US:
             return ()  # farther off a lap would fit as well
         if whole.known:
@@ -199,7 +202,7 @@ def clock_words(log: VehicleLog, telemetry: PlaceTrack) -> tuple[str, ...]:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class _Lead:
+class PathLead:
     """Offset with which two paths lie on each other."""
 
     ahead_us: int = 0
@@ -213,14 +216,14 @@ class _Lead:
         return self.then_m <= _ON_EACH_OTHER_M and apart
 
 
-def _lead(path: PlaceTrack, shared: PlaceTrack, offsets: NDArray[np.int64]) -> _Lead:
+def path_lead(path: PlaceTrack, shared: PlaceTrack, offsets: NDArray[np.int64]) -> PathLead:
     """Lead of a path over another one, among some offsets, µs; infinite distances where that one hardly moves."""
     if len(shared) < _MIN_SHARED:
-        return _Lead()
+        return PathLead()
     at_m = metres(np.column_stack([np.r_[path.lat_deg, shared.lat_deg], np.r_[path.lon_deg, shared.lon_deg]]))
     path_m, wanted_m = at_m[: len(path)], at_m[len(path) :]
     if np.ptp(wanted_m, axis=0).max() < _MIN_WAY_M:
-        return _Lead()
+        return PathLead()
 
     def apart_m(ahead_us: int) -> float:
         t_us, zero_us = shared.t_us + ahead_us, path.t_us[0]
@@ -228,7 +231,7 @@ def _lead(path: PlaceTrack, shared: PlaceTrack, offsets: NDArray[np.int64]) -> _
         return float(np.median(np.hypot(*(np.column_stack(found) - wanted_m).T)))
 
     best_us = min(offsets.tolist(), key=apart_m)
-    return _Lead(ahead_us=best_us, now_m=apart_m(0), then_m=apart_m(best_us))
+    return PathLead(ahead_us=best_us, now_m=apart_m(0), then_m=apart_m(best_us))
 
 
 def _numbered(word: str) -> list[tuple[int, VehicleLog]]:

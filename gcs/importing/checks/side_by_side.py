@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from gcs.errors import ImportFileError
 from gcs.importing.checks.plausible import metres
-from gcs.importing.ground_vehicles import GroundVehicles
+from gcs.importing.ground_vehicles import GroundVehicles, path_lead
 from gcs.importing.vehicle_log import PlaceTrack, VehicleLog
 from mavlink.geodesy import separation_m
 
@@ -28,6 +28,8 @@ _LOW_M = 3.0
 _DEEP_M, _HIGH_M = 120.0, 1_000.0
 """Nothing flies deeper below its fleet, whichever of them counts from the ellipsoid; higher it is reported."""
 _UNITS = {"feet": 0.3048, "centimetres": 0.01, "millimetres": 0.001, "tenths": 0.1}
+_COMPARED, _TWIN_M = 100, 0.5
+"""Positions of two vehicles that are compared; nearer to each other all the time is no other vehicle."""
 _TURN, _LEVEL = np.radians(2.0 * np.pi + 0.01), np.radians(0.05)
 """Angles in radians that were taken for degrees are smaller than the first, and not all smaller than the second."""
 _MOST_OF_TURN = 0.6
@@ -85,7 +87,8 @@ def _sides(place: tuple[float, float], other: tuple[float, float]) -> str:
 
 
 def fleet_words(fleet: GroundVehicles) -> Iterator[str]:
-    """Return sentences on which vehicles are far from the others, above or below them, or do not go where they look.
+    """Return sentences on which vehicles are far from the others, above or below them, on each other, or do not go
+    where they look.
 
     Raises:
         ImportFileError: a vehicle's own log is of another place.
@@ -99,6 +102,11 @@ def fleet_words(fleet: GroundVehicles) -> Iterator[str]:
         if system_id in fleet.logs and fleet.logs[system_id].flies:
             yield f"{whose}: its heartbeats are an aircraft's: is it the log of the UAV?"
         yield from _course_words(whose, track)
+    for (one_id, one), (other_id, other) in itertools.combinations(fleet.places.items(), 2):
+        rows = np.flatnonzero((one.t_us > other.t_us[0]) & (one.t_us < other.t_us[-1]))
+        apart_m = path_lead(other, one.select(rows[:: len(rows) // _COMPARED + 1]), np.zeros(1, np.int64)).now_m
+        if apart_m < _TWIN_M:
+            yield f"systems {one_id} and {other_id} go one way, {apart_m:.1f} m apart: one vehicle under two ids?"
 
 
 def _beside(whose: str, track: PlaceTrack, others: list[PlaceTrack], *, refuse: bool) -> Iterator[str]:
