@@ -17,7 +17,7 @@ from gcs.importing.vehicle_log import VehicleLog
 _MIN_OVERLAP_US = 1_000_000
 _MOST_OF_FILM = 0.9
 """Share of the film that a log has to cover, or its gap is reported."""
-_ABOUT_US = 60_000_000
+_ABOUT_US, _LONGER_US = 60_000_000, 2_000_000
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -76,7 +76,9 @@ def find_timeline(
             (uav.zero_us, "the date beside the positions") if uav.zero_us else _of_film(film, fleet_span_us)
         )
         film_us = start_us + shift_us
-        return FilmTimes(film_us=film_us, uav_shift_us=film_us, clock_source=source + shift_text)
+        return FilmTimes(
+            film_us=film_us, uav_shift_us=film_us, clock_source=source + shift_text, assumed=_longer_words(film, uav)
+        )
     start_us, source = _of_film(film, fleet_span_us)
     if uav is None:
         return FilmTimes(film_us=start_us + shift_us, uav_shift_us=0, clock_source=source + shift_text)
@@ -93,6 +95,17 @@ def find_timeline(
     assumed = ("the film begins with the UAV's log",)
     return FilmTimes(
         film_us=first_us + shift_us, uav_shift_us=0, clock_source="the UAV's log" + shift_text, assumed=assumed
+    )
+
+
+def _longer_words(film: ImportedFilm, uav: VehicleLog) -> tuple[str, ...]:
+    """Return a sentence on where a log that counts from the film's beginning goes on for long behind its end."""
+    log_us, length_us = int(uav.places.t_us[-1]), film_length_us(film)
+    if log_us - length_us <= max(_LONGER_US, (1.0 - _MOST_OF_FILM) * length_us):
+        return ()
+    return (
+        f"{uav.source} tells of {log_us * 1e-6:.1f} s since the film's beginning, the film has "
+        f"{length_us * 1e-6:.1f} s: is it another film's, or was this one cut?",
     )
 
 

@@ -47,6 +47,13 @@ def test_what_was_assumed_of_the_fleet_is_told_where_it_does_not_fit():
         check_overlap(FILM, times, ("uav.csv", FLEET), FLEET, ["rover.gpx: times without a zone are UTC"])
 
 
+@pytest.mark.parametrize(("last_s", "told"), [(20.0, False), (21.5, False), (25.0, True)])
+def test_a_log_from_the_films_beginning_that_goes_on_behind_its_end_is_told(last_s, told):
+    times = find_timeline(FILM, uav_log(0.0, last_s, "video"), FLEET, 0.0)
+    words = "uav.csv tells of 24.8 s since the film's beginning, the film has 19.8 s: is it another film's, or was this"
+    assert [text.startswith(words) for text in times.assumed] == [True] * told
+
+
 def test_a_vehicle_that_reports_less_of_the_film_than_the_fleet_is_told():
     times = find_timeline(FILM, None, FLEET, 0.0)
     film_us = times.film_us, times.film_us + 19_800_000
