@@ -308,9 +308,9 @@ def _import_film(options: ImportOptions, fleet: GroundVehicles, taken: Collectio
         try:
             timeline = searched_times(film, uav, fleet, mission, seen, timeline, options.clock_within_s)
         except ImportFileError as error:
-            if not taken:
-                raise
-            raise ImportFileError(f"{error}, which is for the first film: import this one by itself") from error
+            alone = ", which is for the first film: import this one by itself" if taken else ""
+            doubts = "".join(f" ({words})" for words in (*_uav_doubts(uav, uav_id, fleet), *fleet.contradictions))
+            raise ImportFileError(f"{error}{alone}{doubts}") from error
     uav_span = _uav_span(uav, uav_id, fleet, timeline)
     partly = check_overlap(film, timeline, uav_span, fleet.span_us, dict.fromkeys(fleet.assumed), fleet.spans_us)
     report = _report(film, fleet, uav, chosen, timeline, uav_id)
@@ -475,13 +475,11 @@ def _report(
     if uav is not None:
         found.append(("uav", f"{uav.source} as system {uav_id}: {', '.join(uav.notes.found)}"))
         assumed += [*(f"{uav.source}: {words}" for words in uav.notes.assumed)]
-        assumed += [*height_words(uav.source, uav.places, fleet), *uav_words(uav)]
         if not len(uav.attitudes):
             found.append(("attitude", "none: names rest on motion alone and take longer"))
     else:
         found.append(("uav", f"system {uav_id} of the telemetry"))
-    if uav is None and fleet.tlog is not None and uav_id in fleet.tlog.tracks:  # else it is on a mast
-        assumed += height_words(f"system {uav_id}", fleet.tlog.places(uav_id), fleet)
+    assumed += _uav_doubts(uav, uav_id, fleet)
     found += [(f"ugv {i}", f"{log.source}: {', '.join(log.notes.found)}") for i, log in fleet.logs.items()]
     assumed += fleet.assumed
     count = sum(map(len, fleet.places.values()))
@@ -494,6 +492,19 @@ def _report(
         uav_id=uav_id,
         ugv_ids=tuple(sorted(fleet.places)),
     )
+
+
+def _uav_doubts(uav: VehicleLog | None, uav_id: int, fleet: GroundVehicles) -> Iterator[str]:
+    """Return sentences on what the UAV's places and angles say against those of the fleet, or against their unit.
+
+    Raises:
+        ImportFileError: it would be deep below its fleet.
+    """
+    if uav is not None:
+        yield from height_words(uav.source, uav.places, fleet)
+        yield from uav_words(uav)
+    elif fleet.tlog is not None and uav_id in fleet.tlog.tracks:  # else it is on a mast
+        yield from height_words(f"system {uav_id}", fleet.tlog.places(uav_id), fleet)
 
 
 def _not_in_mission(fleet: GroundVehicles, films: Collection[int]) -> str:

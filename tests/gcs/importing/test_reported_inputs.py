@@ -46,6 +46,10 @@ def imported(words, session):
             (*GREY[:4], "excel_sep_line_rover.csv", "--ugv", "11=excel_sep_line_rover.csv"),
             "same times as in excel_sep_line_rover.csv of system 11; is one log given for two vehicles?",
         ),
+        (
+            (*GREY[:4], "row_id_rover.csv", "--ugv", "11=qgc_csv_rover.csv", "--clock=auto"),
+            "(row_id_rover.csv: it never is 3 m above its take-off or the fleet: is it a ground vehicle's log?)",
+        ),
         (("klv_hae_film.ts", *FLEET_ALONE), "above the ellipsoid alone (tag 75 or 104), not above sea level (tag 15)"),
         (("djmd_error_film.mp4", *FLEET_ALONE, "--fov", "70"), "DJI meta 01:00:00:0': DJI does not publish its layout"),
     ],
