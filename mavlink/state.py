@@ -152,7 +152,7 @@ class VehicleStatus:
     mode: str = ""
     armed: bool | None = None
     fix: str = ""
-    """``none``, ``2D``, ``3D``, ``DGPS``, ``RTK float``, ``RTK``."""
+    """``none``, ``2D``, ``3D``, ``DGPS``, ``RTK float``, ``RTK``; empty where it sends no GPS_RAW_INT."""
     heartbeat_age_s: float = math.inf
     """inf never."""
     position_age_s: float = math.inf

@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 
 import typer
 
-from gcs.cli.output.console import AsJson, check_range, print_json, print_note
+from gcs.cli.output.console import AsJson, as_typed, check_range, print_json, print_note
 from gcs.cli.output.progress import progress
 from gcs.cli.output.tables import print_table
 
@@ -101,4 +101,5 @@ def from_tracks(
         print_json({**dict(made.lines), "folder": str(out)})
         return
     print_table(("what", "how"), ((name.replace("_", " "), text) for name, text in made.lines), head=False)
-    print_note(f"wrote {out}; next: gcs identify {out} -o {out}-names, then gcs score {out} {out}-names/identity.csv")
+    made_in, names, table = map(as_typed, (f"{out}", f"{out}-names", f"{out}-names/identity.csv"))
+    print_note(f"wrote {out}; next: gcs identify {made_in} -o {names}, then gcs score {made_in} {table}")

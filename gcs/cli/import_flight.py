@@ -8,7 +8,7 @@ from typing import Annotated, Literal
 
 import typer
 
-from gcs.cli.output.console import AsJson, check_range, print_json, print_note
+from gcs.cli.output.console import AsJson, as_typed, check_range, print_json, print_note
 from gcs.cli.output.tables import print_table
 from gcs.errors import GcsError
 from infra.text_numbers import number_or_nan
@@ -96,7 +96,7 @@ def import_flight(
         print_json({**report.table(), "uav": report.uav_id, "ugv": list(report.ugv_ids), "folder": str(out)})
         return
     print_table(("what", "how"), report.explained() if explain else report.rows(), head=False)
-    print_note(f"wrote {out}; next: gcs identify {out} -o {out}-names")
+    print_note(f"wrote {out}; next: gcs identify {as_typed(out)} -o {as_typed(f'{out}-names')}")
 
 
 def _film_and_log(text: str) -> dict[str, Path]:

@@ -15,6 +15,7 @@ import typer
 from gcs.cli.output.console import (
     FRAME_SIZE,
     VideoStart,
+    as_typed,
     check_range,
     check_terminal,
     parse_frame_size,
@@ -115,10 +116,10 @@ def show_replay(
     if not (sys.stdin.isatty() and sys.stdout.isatty()) and not _in_browser():
         raise GcsError(
             "gcs replay needs a terminal for its screens; "
-            f"gcs identify {session.path} -o FOLDER names the vehicles without one"
+            f"gcs identify {as_typed(session.path)} -o FOLDER names the vehicles without one"
         )
     if not _in_browser():
-        check_terminal(f"gcs identify {session.path} -o FOLDER names the vehicles without")
+        check_terminal(f"gcs identify {as_typed(session.path)} -o FOLDER names the vehicles without")
     # The screens are slow to import, and headless commands do without.
     from gcs.tui import run
 

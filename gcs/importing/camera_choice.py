@@ -70,6 +70,10 @@ def choose_camera(
     """
     lens, optics = _intrinsics(film, uav, options)
     known = camera_model(options.model or film.model)
+    if uav is not None and film.height > film.width:
+        # later ones are told across the picture
+        across = 2.0 * np.arctan(film.width / film.height * np.tan(0.5 * uav.view.hfov))
+        uav = replace(uav, view=replace(uav.view, hfov=across))
     mount, pitch_deg, direction, assumed, uav = _direction(uav, options)
     looks_known = _DOWN not in assumed or options.mount is not None
     if lens is None:
@@ -113,20 +117,24 @@ def mast_camera(film: ImportedFilm, camera: Camera, options: CameraOptions) -> C
 
 def _intrinsics(film: ImportedFilm, uav: VehicleLog | None, options: CameraOptions) -> tuple[Intrinsics | None, str]:
     size = film.width, film.height
+    longer = " across the longer side" if film.height > film.width else ""
     if options.lens is not None:
         return _lens_of(options.lens, film), f"lens file {options.lens.name}"
     if options.fov_deg is not None:
-        return _of_width(size, math.radians(options.fov_deg)), f"{options.fov_deg:g}° across the picture, as given"
+        lens, _ = from_field_of_view(*size, math.radians(options.fov_deg), math.nan)
+        return lens, f"{options.fov_deg:g}° across the picture, as given"
     if options.model:
         known = camera_model(options.model)
         if known is None:
             raise ImportFileError(
                 f"--camera {options.model}: not known; known are {', '.join(CAMERAS)}; else give --fov"
             )
-        return _of_width(size, math.radians(known.hfov_deg)), f"{known.hfov_deg:.1f}° of {known.name}: {known.source}"
+        return _of_longer_side(size, math.radians(known.hfov_deg)), (
+            f"{known.hfov_deg:.1f}°{longer} of {known.name}: {known.source}"
+        )
     if uav is not None and len(uav.view):
         hfov = float(uav.view.hfov[0])
-        return _of_width(size, hfov), f"{math.degrees(hfov):.1f}° by the {uav.view.source}"
+        return _of_longer_side(size, hfov), f"{math.degrees(hfov):.1f}°{longer} by the {uav.view.source}"
     known = camera_model(film.model) if film.model else None
     if known is None or not known.shows_all(*size):
         there = [f"its container says {film.model}"] if film.model else []
@@ -134,7 +142,9 @@ def _intrinsics(film: ImportedFilm, uav: VehicleLog | None, options: CameraOptio
         words = f" ({'; '.join(there)})" if there else ""
         return None, f"nothing tells its field of view{words}: {_SEARCHED}; else --fov, --camera or --lens"
     hfov_deg = known.hfov_deg
-    return _of_width(size, math.radians(hfov_deg)), f"{hfov_deg:.1f}° of {known.name}, by the video: {known.source}"
+    return _of_longer_side(size, math.radians(hfov_deg)), (
+        f"{hfov_deg:.1f}°{longer} of {known.name}, by the video: {known.source}"
+    )
 
 
 def _lens_of(path: Path, film: ImportedFilm) -> Intrinsics:
@@ -145,8 +155,10 @@ def _lens_of(path: Path, film: ImportedFilm) -> Intrinsics:
     return resized(lens, film.width, film.height, drawn_out=drawn_out)
 
 
-def _of_width(size: tuple[int, int], hfov: float) -> Intrinsics:
-    return from_field_of_view(*size, hfov, math.nan)[0]
+def _of_longer_side(size: tuple[int, int], fov: float) -> Intrinsics:
+    """Return the lens by the angle across the longer side, as cameras are described: upright ones are turned."""
+    width, height = size
+    return from_field_of_view(*size, *((math.nan, fov) if height > width else (fov, math.nan)))[0]
 
 
 def _direction(

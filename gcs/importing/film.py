@@ -11,6 +11,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 import numpy as np
+from av.container import InputContainer
 from numpy.typing import NDArray
 
 from gcs.importing.checks.row_times import gaps
@@ -22,6 +23,9 @@ _MODEL_TAGS = ("encoder", "model", "com.apple.quicktime.model", "com.android.mod
 _MAX_WORDS = 60
 _HDR = {16: "PQ", 18: "HLG"}
 """Transfer characteristics of ITU-T H.273 that stand for more than a screen shows."""
+_MIN_CUT_S, _MIN_CUT_STEPS = 1.0, 5.0
+"""Least part of a film that is missed at its end, in seconds and in usual steps between frames: the last one is shown
+for some time."""
 _SLANT_DEG = 3
 """Largest turn of a picture that is rounding."""
 _MIN_YEAR = 2005
@@ -60,6 +64,7 @@ def open_film(path: Path) -> ImportedFilm:
         aspect, shown_as = video.aspect, video.shown_as
     with closing(open_video(path)) as container:
         transfer = _HDR.get(film_stream(container).codec_context.color_trc)
+        cut_off = _cut_off(path, container, elapsed_us)
         others = count_films(container) - 1
         tags = {name.lower(): value for name, value in container.metadata.items()}
     return ImportedFilm(
@@ -69,10 +74,23 @@ def open_film(path: Path) -> ImportedFilm:
         height=size[1],
         aspect=aspect,
         shown_as=shown_as,
-        assumed=_assumptions(path, transfer, others, elapsed_us),
+        assumed=(*cut_off, *_assumptions(path, transfer, others, elapsed_us)),
         created_us=_unix_us(tags.get("creation_time", "")),
         model=plain(next((tags[name] for name in _MODEL_TAGS if name in tags), ""))[:_MAX_WORDS],
     )
+
+
+def _cut_off(path: Path, container: InputContainer, elapsed_us: NDArray[np.int64]) -> tuple[str, ...]:
+    """Return a sentence on where a file has less of a film than its header tells, as of a copy that broke off."""
+    film = film_stream(container)
+    told = [float(film.duration * film.time_base)] if film.duration and film.time_base else []
+    told += [container.duration * 1e-6] if container.duration else []
+    # durations count from 0, where players begin, and not from the first frame
+    last_s = float((film.start_time or 0) * (film.time_base or 0)) + float(elapsed_us[-1]) * 1e-6
+    step_s = float(np.median(np.diff(elapsed_us))) * 1e-6 if len(elapsed_us) > 1 else 0.0
+    if not told or min(told) - last_s <= max(_MIN_CUT_S, _MIN_CUT_STEPS * step_s):
+        return ()
+    return (f"{path.name} ends after {last_s:.1f} s of the {min(told):.1f} s that its header tells: is it cut off?",)
 
 
 def _assumptions(path: Path, transfer: str | None, others: int, elapsed_us: NDArray[np.int64]) -> tuple[str, ...]:

@@ -15,7 +15,7 @@ from gcs.errors import ImportFileError
 from gcs.importing.checks.plausible import place_words
 from gcs.importing.checks.row_times import RowTimes, ascending, check_one_clock, numbered, row_times
 from gcs.importing.messages import TlogRecord
-from gcs.importing.vehicle_log import AngleTrack, ImportNotes, PlaceTrack, VehicleLog, in_order
+from gcs.importing.vehicle_log import M_PER_HDOP, AngleTrack, ImportNotes, PlaceTrack, VehicleLog, in_order
 from mavlink.estimation.gimbal import yaw_frame
 from mavlink.geodesy import euler_from_quaternion
 from mavlink.protocol.modes import is_aircraft, is_ground_vehicle, is_vehicle, kind_name
@@ -24,7 +24,7 @@ from mavlink.tlog.log import Tlog
 
 _HEARTBEAT, _GPS_RAW, _ATTITUDE, _GLOBAL_POSITION, _GIMBAL = 0, 24, 30, 33, 285
 _FIX_3D = 3
-_UNKNOWN_MM = 0xFFFFFFFF
+_UNKNOWN_MM, _UNKNOWN_DILUTION = 0xFFFFFFFF, 0xFFFF
 _UNKNOWN_SPEED = 32767
 _UNKNOWN_HEADING = 36000
 _MAX_SPEED = 1.25
@@ -330,6 +330,7 @@ def _vehicle_log(path: Path, fleet: FleetTlog, system_id: int) -> VehicleLog:
         clock="utc",
         dated=fleet.clock,
         system_id=system_id,
+        flies=system_id in fleet.aircraft,
         places=replace(places.select(in_order(places.t_us)), std_m=_std_m(fleet, system_id)),
         attitudes=attitudes,
         gimbal=gimbal,
@@ -365,10 +366,14 @@ def _with_fixes(fleet: FleetTlog, system_id: int) -> FleetTlog:
 
 
 def _std_m(fleet: FleetTlog, system_id: int) -> float:
-    """Median of what the receiver estimates, NaN where it does not."""
+    """Median of what the receiver estimates, else by its dilution; NaN where it tells neither."""
     _, wire = fleet.columns(_GPS_RAW, system_id)
+    wire = wire[wire["fix_type"] >= _FIX_3D]
     known = (wire["h_acc"] > 0) & (wire["h_acc"] < _UNKNOWN_MM)
-    return float(np.median(wire["h_acc"][known])) * 1e-3 if known.any() else float("nan")
+    if known.any():
+        return float(np.median(wire["h_acc"][known])) * 1e-3
+    eph = wire["eph"][wire["eph"] < _UNKNOWN_DILUTION]
+    return M_PER_HDOP * float(np.median(eph)) * 0.01 if len(eph) else float("nan")
 
 
 def _attitudes(fleet: FleetTlog, system_id: int) -> AngleTrack:

@@ -15,6 +15,7 @@ from gcs.importing.checks.plausible import metres
 from gcs.importing.fleet_log import FleetTlog, open_fleet
 from gcs.importing.messages import TlogRecord, vehicle_records
 from gcs.importing.sources import read_vehicle_logs
+from gcs.importing.timeline import is_about
 from gcs.importing.vehicle_log import PlaceTrack, VehicleLog
 
 LAST_ID = 255
@@ -47,8 +48,17 @@ class GroundVehicles:
     @property
     def span_us(self) -> tuple[int, int]:
         """First and last position, Unix µs."""
-        tracks = list(self.places.values())
-        return min(int(track.t_us[0]) for track in tracks), max(int(track.t_us[-1]) for track in tracks)
+        first_us, last_us = zip(*self.spans_us.values(), strict=True)
+        return min(first_us), max(last_us)
+
+    @property
+    def spans_us(self) -> dict[str, tuple[int, int]]:
+        """First and last position of each, Unix µs, by what tells of it."""
+        tlog = self.tlog.tlog.path.name if self.tlog is not None else ""
+        return {
+            f"{self.logs[i].source if i in self.logs else tlog}, system {i},": (int(track.t_us[0]), int(track.t_us[-1]))
+            for i, track in self.places.items()
+        }
 
     @property
     def ground_m(self) -> float:
@@ -82,14 +92,22 @@ class GroundVehicles:
         """System ids of the aircraft in the telemetry log."""
         return self.tlog.aircraft if self.tlog is not None else ()
 
-    def streams(self) -> list[Iterable[TlogRecord]]:
-        """Records of the ground vehicles, each stream in order of time."""
+    def streams(self, films_us: Sequence[tuple[int, int]]) -> list[Iterable[TlogRecord]]:
+        """Records of the ground vehicles, each stream in order of time, without logs from another time than all films.
+
+        Args:
+            films_us: first and last moment of each, Unix µs.
+        """
         streams: list[Iterable[TlogRecord]] = []
         if self.tlog is not None:
             streams.append(self.tlog.records(without=self.logs))
         home_m = self.ground_m
         for system_id, log in self.logs.items():
-            streams.append(vehicle_records(log, system_id, 0, flies=False, home_m=0.0 if np.isnan(home_m) else home_m))
+            span_us = int(log.places.t_us[0]), int(log.places.t_us[-1])
+            if any(is_about(film_us, span_us) for film_us in films_us):
+                streams.append(
+                    vehicle_records(log, system_id, 0, flies=False, home_m=0.0 if np.isnan(home_m) else home_m)
+                )
         return streams
 
 
@@ -113,7 +131,7 @@ def read_ground_vehicles(tlog: Path | None, ugv: Sequence[str]) -> GroundVehicle
                 raise ImportFileError(
                     f"--ugv {word}: {log.source} does not know the date, so that it cannot be put beside the others"
                 )
-            _check_own_log(log, logs)
+            check_own_log(log, logs)
             logs[system_id] = log
     fleet = open_fleet(tlog) if tlog is not None else None
     places = {i: fleet.places(i) for i in fleet.ground} if fleet is not None else {}
@@ -130,7 +148,7 @@ def read_ground_vehicles(tlog: Path | None, ugv: Sequence[str]) -> GroundVehicle
     )
 
 
-def _check_own_log(log: VehicleLog, others: Mapping[int, VehicleLog]) -> None:
+def check_own_log(log: VehicleLog, others: Mapping[int, VehicleLog]) -> None:
     """See that a log is not that of another vehicle as well.
 
     Raises:
@@ -160,14 +178,17 @@ def clock_words(log: VehicleLog, telemetry: PlaceTrack) -> tuple[str, ...]:
         shared = telemetry.select(rows[:: len(rows) // _MAX_SHARED + 1])
         half = np.arange(len(shared)) < len(shared) // 2
         offsets = np.arange(-search_us, search_us + 1, step_us)
-        parts = [_lead(log.places, shared.select(half), offsets), _lead(log.places, shared.select(~half), offsets)]
+        parts = [
+            path_lead(log.places, shared.select(half), offsets),
+            path_lead(log.places, shared.select(~half), offsets),
+        ]
         if abs(parts[1].ahead_us - parts[0].ahead_us) >= _MIN_AHEAD_US and all(each.known for each in parts):
             first_s, second_s = (each.ahead_us * 1e-6 for each in parts)
             return (
                 f"{log.source}: its clock runs otherwise than the telemetry of the same vehicle: it is "
                 f"{first_s:+.2f} s ahead in the first half and {second_s:+.2f} s in the second; the log counts",
             )
-        whole = _lead(log.places, shared, offsets)
+        whole = path_lead(log.places, shared, offsets)
         if whole.known and abs(whole.ahead_us) < _MIN_AHEAD_US:
             return ()  # farther off a lap would fit as well
         if whole.known:
@@ -181,7 +202,7 @@ def clock_words(log: VehicleLog, telemetry: PlaceTrack) -> tuple[str, ...]:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class _Lead:
+class PathLead:
     """Offset with which two paths lie on each other."""
 
     ahead_us: int = 0
@@ -195,14 +216,14 @@ class _Lead:
         return self.then_m <= _ON_EACH_OTHER_M and apart
 
 
-def _lead(path: PlaceTrack, shared: PlaceTrack, offsets: NDArray[np.int64]) -> _Lead:
+def path_lead(path: PlaceTrack, shared: PlaceTrack, offsets: NDArray[np.int64]) -> PathLead:
     """Lead of a path over another one, among some offsets, µs; infinite distances where that one hardly moves."""
     if len(shared) < _MIN_SHARED:
-        return _Lead()
+        return PathLead()
     at_m = metres(np.column_stack([np.r_[path.lat_deg, shared.lat_deg], np.r_[path.lon_deg, shared.lon_deg]]))
     path_m, wanted_m = at_m[: len(path)], at_m[len(path) :]
     if np.ptp(wanted_m, axis=0).max() < _MIN_WAY_M:
-        return _Lead()
+        return PathLead()
 
     def apart_m(ahead_us: int) -> float:
         t_us, zero_us = shared.t_us + ahead_us, path.t_us[0]
@@ -210,7 +231,7 @@ def _lead(path: PlaceTrack, shared: PlaceTrack, offsets: NDArray[np.int64]) -> _
         return float(np.median(np.hypot(*(np.column_stack(found) - wanted_m).T)))
 
     best_us = min(offsets.tolist(), key=apart_m)
-    return _Lead(ahead_us=best_us, now_m=apart_m(0), then_m=apart_m(best_us))
+    return PathLead(ahead_us=best_us, now_m=apart_m(0), then_m=apart_m(best_us))
 
 
 def _numbered(word: str) -> list[tuple[int, VehicleLog]]:

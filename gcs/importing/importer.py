@@ -23,7 +23,7 @@ from gcs.importing.checks.side_by_side import above_fleet, fleet_words, height_w
 from gcs.importing.clock_choice import MIN_HEIGHT_M, searched_times
 from gcs.importing.film import ImportedFilm, open_film
 from gcs.importing.film_log import read_film_log
-from gcs.importing.ground_vehicles import LAST_ID, GroundVehicles, clock_words, read_ground_vehicles
+from gcs.importing.ground_vehicles import LAST_ID, GroundVehicles, check_own_log, clock_words, read_ground_vehicles
 from gcs.importing.messages import TlogRecord, vehicle_records
 from gcs.importing.smoothing import filled_in
 from gcs.importing.sources import read_vehicle_logs
@@ -251,7 +251,8 @@ def import_flight(out: Path, options: ImportOptions) -> ImportReport:
         mission = replace(mission, view=tuple(each.view for each in others), map=ground)
     except ValueError as error:
         raise ImportFileError(str(error)) from None
-    streams = [*fleet.streams(), *(each.records for each in filmed)]
+    films_us = [(each.film_us, each.film_us + film_length_us(each.film)) for each in filmed]
+    streams = [*fleet.streams(films_us), *(each.records for each in filmed)]
     write_imported(out, [(each.film, each.film_us) for each in filmed], streams, mission, report.table())
     return report
 
@@ -287,8 +288,11 @@ def _import_film(options: ImportOptions, fleet: GroundVehicles, taken: Collectio
         return _import_from_mast(film, options.uav, options, fleet)
     aircraft = [i for i in fleet.aircraft if i not in taken]
     uav, unread = _uav_log(options, coarse=not aircraft)
-    uav, swapped = above_fleet(on_film(uav, film), fleet) if uav is not None else (None, ())
-    uav = replace(uav, places=filled_in(uav.places)) if uav is not None else None
+    swapped: tuple[str, ...] = ()
+    if uav is not None:
+        check_own_log(uav, fleet.logs)
+        uav, swapped = above_fleet(on_film(uav, film), fleet)
+        uav = replace(uav, places=filled_in(uav.places))
     uav_id = _uav_id(aircraft, {*fleet.used_ids, *taken}, uav, unread)
     chosen, uav = choose_camera(film, uav, options.camera)
     timeline = find_timeline(film, uav, fleet.span_us, options.clock_s)
@@ -304,11 +308,11 @@ def _import_film(options: ImportOptions, fleet: GroundVehicles, taken: Collectio
         try:
             timeline = searched_times(film, uav, fleet, mission, seen, timeline, options.clock_within_s)
         except ImportFileError as error:
-            if not taken:
-                raise
-            raise ImportFileError(f"{error}, which is for the first film: import this one by itself") from error
+            alone = ", which is for the first film: import this one by itself" if taken else ""
+            doubts = "".join(f" ({words})" for words in (*_uav_doubts(uav, uav_id, fleet), *fleet.contradictions))
+            raise ImportFileError(f"{error}{alone}{doubts}") from error
     uav_span = _uav_span(uav, uav_id, fleet, timeline)
-    partly = check_overlap(film, timeline, uav_span, fleet.span_us, dict.fromkeys(fleet.assumed))
+    partly = check_overlap(film, timeline, uav_span, fleet.span_us, dict.fromkeys(fleet.assumed), fleet.spans_us)
     report = _report(film, fleet, uav, chosen, timeline, uav_id)
     return _Filmed(
         film=film,
@@ -340,7 +344,9 @@ def _import_from_mast(film: ImportedFilm, path: Path, options: ImportOptions, fl
         standing = replace(mission, mast=_with_altitude(view.mast, fleet))
         timeline = searched_times(film, None, fleet, standing, (), timeline, options.clock_within_s)
     whole = timeline.film_us, timeline.film_us + film_length_us(film)
-    partly = check_overlap(film, timeline, (path.name, whole), fleet.span_us, dict.fromkeys(fleet.assumed))
+    partly = check_overlap(
+        film, timeline, (path.name, whole), fleet.span_us, dict.fromkeys(fleet.assumed), fleet.spans_us
+    )
     report = _report(film, fleet, None, chosen, timeline, mission.uav.system_id)
     stands = f"{path.name}: on a mast at {view.mast.latitude_deg:.5f}, {view.mast.longitude_deg:.5f}"
     found = tuple((what, stands if what == "uav" else text) for what, text in report.found)
@@ -469,13 +475,11 @@ def _report(
     if uav is not None:
         found.append(("uav", f"{uav.source} as system {uav_id}: {', '.join(uav.notes.found)}"))
         assumed += [*(f"{uav.source}: {words}" for words in uav.notes.assumed)]
-        assumed += [*height_words(uav.source, uav.places, fleet), *uav_words(uav)]
         if not len(uav.attitudes):
             found.append(("attitude", "none: names rest on motion alone and take longer"))
     else:
         found.append(("uav", f"system {uav_id} of the telemetry"))
-    if uav is None and fleet.tlog is not None and uav_id in fleet.tlog.tracks:  # else it is on a mast
-        assumed += height_words(f"system {uav_id}", fleet.tlog.places(uav_id), fleet)
+    assumed += _uav_doubts(uav, uav_id, fleet)
     found += [(f"ugv {i}", f"{log.source}: {', '.join(log.notes.found)}") for i, log in fleet.logs.items()]
     assumed += fleet.assumed
     count = sum(map(len, fleet.places.values()))
@@ -488,6 +492,19 @@ def _report(
         uav_id=uav_id,
         ugv_ids=tuple(sorted(fleet.places)),
     )
+
+
+def _uav_doubts(uav: VehicleLog | None, uav_id: int, fleet: GroundVehicles) -> Iterator[str]:
+    """Return sentences on what the UAV's places and angles say against those of the fleet, or against their unit.
+
+    Raises:
+        ImportFileError: it would be deep below its fleet.
+    """
+    if uav is not None:
+        yield from height_words(uav.source, uav.places, fleet)
+        yield from uav_words(uav)
+    elif fleet.tlog is not None and uav_id in fleet.tlog.tracks:  # else it is on a mast
+        yield from height_words(f"system {uav_id}", fleet.tlog.places(uav_id), fleet)
 
 
 def _not_in_mission(fleet: GroundVehicles, films: Collection[int]) -> str:

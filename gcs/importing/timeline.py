@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
+from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +17,7 @@ from gcs.importing.vehicle_log import VehicleLog
 _MIN_OVERLAP_US = 1_000_000
 _MOST_OF_FILM = 0.9
 """Share of the film that a log has to cover, or its gap is reported."""
+_ABOUT_US, _LONGER_US = 60_000_000, 2_000_000
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -74,7 +76,9 @@ def find_timeline(
             (uav.zero_us, "the date beside the positions") if uav.zero_us else _of_film(film, fleet_span_us)
         )
         film_us = start_us + shift_us
-        return FilmTimes(film_us=film_us, uav_shift_us=film_us, clock_source=source + shift_text)
+        return FilmTimes(
+            film_us=film_us, uav_shift_us=film_us, clock_source=source + shift_text, assumed=_longer_words(film, uav)
+        )
     start_us, source = _of_film(film, fleet_span_us)
     if uav is None:
         return FilmTimes(film_us=start_us + shift_us, uav_shift_us=0, clock_source=source + shift_text)
@@ -91,6 +95,17 @@ def find_timeline(
     assumed = ("the film begins with the UAV's log",)
     return FilmTimes(
         film_us=first_us + shift_us, uav_shift_us=0, clock_source="the UAV's log" + shift_text, assumed=assumed
+    )
+
+
+def _longer_words(film: ImportedFilm, uav: VehicleLog) -> tuple[str, ...]:
+    """Return a sentence on where a log that counts from the film's beginning goes on for long behind its end."""
+    log_us, length_us = int(uav.places.t_us[-1]), film_length_us(film)
+    if log_us - length_us <= max(_LONGER_US, (1.0 - _MOST_OF_FILM) * length_us):
+        return ()
+    return (
+        f"{uav.source} tells of {log_us * 1e-6:.1f} s since the film's beginning, the film has "
+        f"{length_us * 1e-6:.1f} s: is it another film's, or was this one cut?",
     )
 
 
@@ -111,12 +126,14 @@ def check_overlap(
     uav: tuple[str, tuple[int, int]],
     fleet_span_us: tuple[int, int],
     assumed: Collection[str] = (),
+    vehicles: Mapping[str, tuple[int, int]] = MappingProxyType({}),
 ) -> tuple[str, ...]:
     """See that the UAV and the fleet report while it is filmed, and say where one of them does so in a part of it.
 
     Args:
         timeline: when.
         uav: what tells of the UAV, and its first and last position, Unix µs.
+        vehicles: the same of each ground vehicle, of which those are told that report less than the fleet.
         assumed: of the fleet's times, for the message.
 
     Raises:
@@ -137,12 +154,19 @@ def check_overlap(
             f"{taken}, while {source} tells of {_words(*span_us)}, from {away_s:+.1f} s of the film on: it does not "
             "cover the film; is it of that flight, are its times in the unit of their column?"
         )
-    reports = (source, span_us), ("the fleet", fleet_span_us)
-    return tuple(
-        f"{who} tells of {_shared_us(film_us, span) * 1e-6:.1f} s of the film's {film_length_us(film) * 1e-6:.1f} s"
-        for who, span in reports
-        if _shared_us(film_us, span) < _MOST_OF_FILM * film_length_us(film)
-    )
+    enough_us = _MOST_OF_FILM * film_length_us(film)
+    least_us = min(enough_us, _MOST_OF_FILM * _shared_us(film_us, fleet_span_us))
+    reports = [(source, span_us, enough_us), ("the fleet", fleet_span_us, enough_us)]
+    reports += [(who, span, least_us) for who, span in vehicles.items()]
+    return tuple(_share_words(film_us, who, span) for who, span, least in reports if _shared_us(film_us, span) < least)
+
+
+def _share_words(film_us: tuple[int, int], who: str, span_us: tuple[int, int]) -> str:
+    shared_s = _shared_us(film_us, span_us) * 1e-6
+    if shared_s > 0.0:
+        return f"{who} tells of {shared_s:.1f} s of the film's {(film_us[1] - film_us[0]) * 1e-6:.1f} s"
+    from_s = (span_us[0] - film_us[0]) * 1e-6
+    return f"{who} tells nothing of the film: of {_words(*span_us)}, from {from_s:+.1f} s of the film on"
 
 
 def _shared_us(film_us: tuple[int, int], span_us: tuple[int, int]) -> int:
@@ -151,6 +175,11 @@ def _shared_us(film_us: tuple[int, int], span_us: tuple[int, int]) -> int:
 
 def _overlaps(film_us: tuple[int, int], span_us: tuple[int, int]) -> bool:
     return _shared_us(film_us, span_us) >= min(_MIN_OVERLAP_US, film_us[1] - film_us[0])
+
+
+def is_about(film_us: tuple[int, int], span_us: tuple[int, int]) -> bool:
+    """Tell whether reports, from and to Unix µs, are of a film's time, or of that shortly before or after."""
+    return _shared_us(film_us, span_us) > -_ABOUT_US
 
 
 def _words(first_us: int, last_us: int) -> str:

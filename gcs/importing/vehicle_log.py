@@ -160,6 +160,8 @@ class VehicleLog:
     """Unix µs of time 0 by whatever the file says of it; 0 unknown. Of clock "utc" 0 is Unix time's own."""
     system_id: int = 0
     """System id in the log; 0 unknown."""
+    flies: bool | None = None
+    """True for an aircraft by its own heartbeats, False for a ground vehicle; None without any."""
     attitudes: AngleTrack = field(default_factory=AngleTrack.empty)
     gimbal: AngleTrack = field(default_factory=AngleTrack.empty)
     view: ViewTrack = field(default_factory=ViewTrack.empty)

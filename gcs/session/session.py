@@ -136,7 +136,7 @@ def open_session(
         SessionError: nothing there, or no telemetry in it.
         ConfigError: the mission cannot be used.
     """
-    if not path.exists():
+    if not (path.is_dir() or path.is_file()):
         raise SessionError(f"{path}: no such session folder or telemetry log")
     for extra in (video, mission):
         if extra is not None and not extra.is_file():

@@ -13,6 +13,7 @@ import io
 import json
 import math
 import os
+import shlex
 import stat
 import sys
 import termios
@@ -112,6 +113,12 @@ def print_note(text: str) -> None:
     """Print a line beside the result, on stderr."""
     sys.stderr.write(f"gcs: {conceal(plain(text))}\n")
     sys.stderr.flush()
+
+
+def as_typed(path: str | Path) -> str:
+    """A path as it is typed behind a command: in quotes where a shell would divide it, and never an option."""
+    text = str(path)
+    return shlex.quote(f"./{text}" if text.startswith("-") else text)
 
 
 def start_log(level: LogLevel | None, path: Path | None) -> None:

@@ -80,5 +80,7 @@ def export(
 def _snapshots(analysis: Analysis, identity: Path | None, images: bool) -> Iterator[Snapshot]:
     """Snapshots of an identity log, or else of the analysis."""
     if identity is not None:
-        return read_snapshots(identity, analysis.mission, analysis.video if images else None, print_note)
+        return read_snapshots(
+            identity, analysis.mission, analysis.video if images else None, print_note, analysis.times_us
+        )
     return analysis.snapshots(images=images)

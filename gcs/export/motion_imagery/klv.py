@@ -87,7 +87,7 @@ class KlvExport:
         if damaged:
             self._note(f"{damaged} frames of the film are damaged and were left out")
         if not self._placed:
-            self._note("where the UAV was is not known at any frame: the sets tell the time alone")
+            self._note("no frame tells where the UAV was, nor does an identity.csv: the sets tell the time alone")
 
 
 def sight_of(snapshot: Snapshot) -> dict[int, float]:

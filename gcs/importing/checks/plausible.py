@@ -126,12 +126,10 @@ def _of_old(log: VehicleLog) -> tuple[str, ...]:
     first_us = log.zero_us if log.clock == "video" else int(log.places.t_us[0]) if len(log.places) else 0
     if log.clock not in ("video", "utc") or not 0 < first_us < _OLD_US:
         return ()
-    dates = (datetime.fromtimestamp(t_us * 1e-6, UTC) for t_us in (first_us, first_us + _WEEKS_US))
-    return (
-        "it is of {:%Y-%m-%d} by its date: a receiver whose weeks have begun again? that would be {:%Y-%m-%d}".format(
-            *dates
-        ),
-    )
+    date, then = (f"{datetime.fromtimestamp(t_us * 1e-6, UTC):%Y-%m-%d}" for t_us in (first_us, first_us + _WEEKS_US))
+    if first_us + _WEEKS_US < _OLD_US:
+        return (f"it is of {date} by its date: a clock that was never set?",)
+    return (f"it is of {date} by its date: a receiver whose weeks have begun again? that would be {then}",)
 
 
 def _at_sea(places: PlaceTrack) -> tuple[str, ...]:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from gcs.errors import ImportFileError
 from gcs.importing.checks.plausible import metres
-from gcs.importing.ground_vehicles import GroundVehicles
+from gcs.importing.ground_vehicles import GroundVehicles, path_lead
 from gcs.importing.vehicle_log import PlaceTrack, VehicleLog
 from mavlink.geodesy import separation_m
 
@@ -23,9 +23,13 @@ _FAR_M, _AWAY_M = 100_000.0, 5_000.0
 """A UAV that is farther from its fleet than the first is not above it; than the second, it is reported."""
 _APART_M, _HILL_M = 15.0, 25.0
 """Altitudes of take-off and fleet, and of one vehicle and the others, that are farther apart are reported."""
+_LOW_M = 3.0
+"""Whatever never was higher above its take-off and the fleet did not fly."""
 _DEEP_M, _HIGH_M = 120.0, 1_000.0
 """Nothing flies deeper below its fleet, whichever of them counts from the ellipsoid; higher it is reported."""
 _UNITS = {"feet": 0.3048, "centimetres": 0.01, "millimetres": 0.001, "tenths": 0.1}
+_COMPARED, _TWIN_M = 100, 0.5
+"""Positions of two vehicles that are compared; nearer to each other all the time is no other vehicle."""
 _TURN, _LEVEL = np.radians(2.0 * np.pi + 0.01), np.radians(0.05)
 """Angles in radians that were taken for degrees are smaller than the first, and not all smaller than the second."""
 _MOST_OF_TURN = 0.6
@@ -50,7 +54,7 @@ def above_fleet(uav: VehicleLog, fleet: GroundVehicles) -> tuple[VehicleLog, tup
     away_m = separation_m(lat, lon, *fleet.middle)
     if away_m < _FAR_M:
         return uav, ((f"{uav.source}: the UAV is {away_m / 1000.0:.0f} km from the fleet",) if away_m > _AWAY_M else ())
-    tables = [log.source for log in fleet.logs.values() if log.source.partition(" (")[0].lower().endswith(_BY_HAND)]
+    tables = [log.source for log in fleet.logs.values() if _by_hand(log)]
     if abs(lon) <= 90.0 and separation_m(lon, lat, *fleet.middle) < _FAR_M:
         if tables and fleet.tlog is None:
             raise ImportFileError(
@@ -63,6 +67,10 @@ def above_fleet(uav: VehicleLog, fleet: GroundVehicles) -> tuple[VehicleLog, tup
         f"{uav.source}: the UAV is {away_m / 1000.0:.0f} km from the fleet{_sides((lat, lon), fleet.middle)}; do the "
         "files belong together?"
     )
+
+
+def _by_hand(log: VehicleLog) -> bool:
+    return log.source.partition(" (")[0].lower().endswith(_BY_HAND)
 
 
 def _sides(place: tuple[float, float], other: tuple[float, float]) -> str:
@@ -79,7 +87,8 @@ def _sides(place: tuple[float, float], other: tuple[float, float]) -> str:
 
 
 def fleet_words(fleet: GroundVehicles) -> Iterator[str]:
-    """Return sentences on which vehicles are far from the others, above or below them, or do not go where they look.
+    """Return sentences on which vehicles are far from the others, above or below them, on each other, or do not go
+    where they look.
 
     Raises:
         ImportFileError: a vehicle's own log is of another place.
@@ -90,7 +99,14 @@ def fleet_words(fleet: GroundVehicles) -> Iterator[str]:
         others = [other for i, other in fleet.places.items() if i != system_id]
         if others:
             yield from _beside(whose, track, others, refuse=system_id in fleet.logs)
+        if system_id in fleet.logs and fleet.logs[system_id].flies:
+            yield f"{whose}: its heartbeats are an aircraft's: is it the log of the UAV?"
         yield from _course_words(whose, track)
+    for (one_id, one), (other_id, other) in itertools.combinations(fleet.places.items(), 2):
+        rows = np.flatnonzero((one.t_us > other.t_us[0]) & (one.t_us < other.t_us[-1]))
+        apart_m = path_lead(other, one.select(rows[:: len(rows) // _COMPARED + 1]), np.zeros(1, np.int64)).now_m
+        if apart_m < _TWIN_M:
+            yield f"systems {one_id} and {other_id} go one way, {apart_m:.1f} m apart: one vehicle under two ids?"
 
 
 def _beside(whose: str, track: PlaceTrack, others: list[PlaceTrack], *, refuse: bool) -> Iterator[str]:
@@ -113,7 +129,7 @@ def _beside(whose: str, track: PlaceTrack, others: list[PlaceTrack], *, refuse: 
         unit = _unit_words(median_m(track.alt_m), float(np.median(known)), _HILL_M)
         yield (
             f"{whose} is {up_m:+.0f} m from the median altitude of the other vehicles: a hill, the ellipsoid for the "
-            f"sea, or another unit{unit}"
+            f"sea, an aircraft's log, or another unit{unit}"
         )
 
 
@@ -173,7 +189,10 @@ def _courses(track: PlaceTrack) -> tuple[NDArray[np.int64], Floats]:
 
 
 def uav_words(uav: VehicleLog) -> Iterator[str]:
-    """Return sentences on where angles of the UAV look as if they were radians under the name of degrees."""
+    """Return sentences on where angles of the UAV look as if they were radians under the name of degrees, which only a
+    table's can be."""
+    if not _by_hand(uav):
+        return
     yaw = uav.attitudes.angles[:, 2] if len(uav.attitudes) else uav.places.heading[np.isfinite(uav.places.heading)]
     yaw = (yaw[np.isfinite(yaw)] + np.pi) % (2.0 * np.pi) - np.pi
     if len(yaw) and np.ptp(yaw) > _LEVEL and np.abs(yaw).max() <= _TURN:
@@ -212,7 +231,11 @@ def height_words(source: str, places: PlaceTrack, fleet: GroundVehicles) -> Iter
             f"{ground_m:.0f} m: one of them is in another unit{unit}; give both in metres"
             + "".join(f" ({words})" for words in fleet.contradictions)
         )
-    if above_m < 0.0 or above_m > _HIGH_M:
+    heights = places.height_m[np.isfinite(places.height_m)]
+    up_m = [up for up in (float(heights.max(initial=-np.inf)), above_m) if np.isfinite(up)]
+    if up_m and max(up_m) < _LOW_M:
+        yield f"{source}: it never is {_LOW_M:.0f} m above its take-off or the fleet: is it a ground vehicle's log?"
+    elif above_m < 0.0 or above_m > _HIGH_M:
         yield (
             f"the UAV flies {above_m:+.0f} m above the fleet's median altitude: one of them counts from the ellipsoid, "
             f"or is in another unit{unit}"

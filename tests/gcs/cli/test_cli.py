@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from gcs.cli.output.console import errors_as_exit_codes
+from gcs.cli.output.console import as_typed, errors_as_exit_codes
 from tests.support.bundled import SWARM, swarm_session
 from tests.support.command_line import run_gcs, run_gcs_process
 
@@ -22,6 +22,15 @@ def named(request, tmp_path_factory):
     code, stdout, stderr = run_gcs("identify", session, "-o", out)
     assert code == 0, stderr
     return session, out, stdout
+
+
+def pipe(path):
+    os.mkfifo(path)
+    return path
+
+
+def test_what_is_to_be_typed_is_one_word_and_no_option():
+    assert [as_typed(each) for each in ("out/S", Path("-S"), "a b")] == ["out/S", "./-S", "'a b'"]
 
 
 def test_version_is_told_without_a_command():
@@ -88,6 +97,7 @@ def test_exports_what_was_said(named, tmp_path):
 
 
 BAD = {
+    "a pipe": (lambda t: ("identify", pipe(t / "pipe"), "-o", t / "o"), 2, "no such session"),
     "no such session": (lambda t: ("identify", t / "absent", "-o", t / "o"), 2, "no such session"),
     "an empty folder": (lambda t: ("identify", t, "-o", t / "o"), 2, "no telemetry.tlog"),
     "an empty log": (

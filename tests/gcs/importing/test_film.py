@@ -1,5 +1,7 @@
 """Films whose pictures are something else than a screen shows: told, as they are not converted."""
 
+import re
+
 import av
 import numpy as np
 import pytest
@@ -77,3 +79,20 @@ def test_what_a_container_has_that_is_not_done(made, name, said, tmp_path):
         made(old, new)
     (words,) = open_film(tmp_path / name).assumed
     assert words.startswith(said)
+
+
+@pytest.mark.parametrize("name", ["b.mp4", "b.mkv"])
+def test_a_copy_that_broke_off_is_told(name, tmp_path):
+    whole = tmp_path / name
+    with (
+        av.open("tests/data/reported/grey_film.mp4") as old,
+        av.open(str(whole), "w", options={"movflags": "+faststart"} if name == "b.mp4" else {}) as new,
+    ):
+        copy = new.add_stream_from_template(old.streams.video[0])
+        for packet in (packet for packet in old.demux(video=0) if packet.size):
+            packet.stream = copy
+            new.mux(packet)
+    assert open_film(whole).assumed == ()
+    whole.write_bytes(whole.read_bytes()[: whole.stat().st_size * 3 // 4])
+    (words,) = open_film(whole).assumed
+    assert re.fullmatch(rf"{name} ends after 1\d\.\d s of the 20\.0 s that its header tells: is it cut off\?", words)

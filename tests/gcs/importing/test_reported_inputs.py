@@ -7,7 +7,9 @@ import numpy as np
 import pytest
 
 from gcs.importing.film import open_film
+from gcs.importing.sources import read_vehicle_logs
 from gcs.mission.mission import load_mission
+from mavlink.protocol.modes import mode_name
 from mavlink.tlog.log import Tlog
 from tests.support.command_line import run_gcs
 from vision.video.video import VideoFile
@@ -40,6 +42,14 @@ def imported(words, session):
         ((*GREY, "--ugv", "11=local_dates_rover_us.csv"), "the time '10/09/2025 08:53:20 AM' is not understood"),
         ((*GREY, "--ugv", "date_in_track_name_rover.gpx"), "has no system id; give it as --ugv ID="),
         ((*GREY, "--ugv", "11=local_time_gpx_rover.gpx"), "times without a zone are UTC"),
+        (
+            (*GREY[:4], "excel_sep_line_rover.csv", "--ugv", "11=excel_sep_line_rover.csv"),
+            "same times as in excel_sep_line_rover.csv of system 11; is one log given for two vehicles?",
+        ),
+        (
+            (*GREY[:4], "row_id_rover.csv", "--ugv", "11=qgc_csv_rover.csv", "--clock=auto"),
+            "(row_id_rover.csv: it never is 3 m above its take-off or the fleet: is it a ground vehicle's log?)",
+        ),
         (("klv_hae_film.ts", *FLEET_ALONE), "above the ellipsoid alone (tag 75 or 104), not above sea level (tag 15)"),
         (("djmd_error_film.mp4", *FLEET_ALONE, "--fov", "70"), "DJI meta 01:00:00:0': DJI does not publish its layout"),
     ],
@@ -60,11 +70,6 @@ def test_what_cannot_be_used_says_why(words, why, tmp_path):
         ((*GREY, "--ugv", "11=time_units_message_rover_us.csv"), 60, ""),
         ((*GREY, "--ugv", "11=time_units_message_rover_ns.csv"), 60, ""),
         ((*GREY, "--ugv", "11=qgc_csv_rover.csv"), 60, "times without a zone are UTC"),
-        (
-            (*GREY[:4], "first_receiver_dead_uav.bin", "--ugv", "11=first_receiver_dead_rover.bin"),
-            49,
-            "first_receiver_dead_uav.bin tells of 4.8 s of the film's 19.9 s",
-        ),
         (
             (*GREY[:4], "companion_position_uav.csv", "--tlog", "companion_position_fleet.tlog"),
             400,
@@ -92,12 +97,36 @@ def test_a_vehicles_log_is_that_of_one_vehicle_on_the_films_time(words, count, s
         assert times.min() - 2_000_000 < first_us < times.max(), system_id
 
 
-def test_the_velocity_is_that_of_the_core_that_flies(tmp_path):
-    words = (*GREY[:4], "lane_switch_uav.bin", "--ugv", "11=first_receiver_dead_uav.bin")
-    assert imported(words, tmp_path / "s")[0] == 0
-    _, wire = Tlog.open(tmp_path / "s" / "telemetry.tlog").columns(33, 1)
+def test_a_log_of_another_hour_is_told_and_left_out(tmp_path):
+    late = tmp_path / "late.csv"
+    late.write_text((FOLDER / "row_id_rover.csv").read_text().replace("T08:", "T09:"))
+    code, report, _ = imported((*GREY, "--ugv", "11=row_id_rover.csv", "--ugv", f"12={late}"), tmp_path / "s")
+    assert code == 0 and report["ugv"] == [11, 12]
+    said = (
+        "late.csv, system 12, tells nothing of the film: of 2025-10-09 09:53:20 to 2025-10-09 09:53:49, from +3600.0 s"
+    )
+    assert any(text.startswith(said) for text in report["assumed"])
+    log = Tlog.open(tmp_path / "s" / "telemetry.tlog")
+    assert np.ptp(log.index.t_us) < 60_000_000 and 12 not in log.index.system_id
+
+
+def test_modes_that_no_file_tells_are_not_told(tmp_path):
+    assert imported((*GREY, "--ugv", "11=row_id_rover.csv"), tmp_path / "s")[0] == 0
+    _, beats = Tlog.open(tmp_path / "s" / "telemetry.tlog").columns(0)
+    names = ("type", "autopilot", "base_mode", "custom_mode")
+    assert {mode_name(*(int(beat[name]) for name in names)) for beat in beats} == {""}
+    assert set(beats["type"]) == {2, 10}
+
+
+def test_places_are_those_of_the_receiver_that_has_fixes():
+    (log,) = read_vehicle_logs(FOLDER / "first_receiver_dead_rover.bin")
+    assert len(log.places) == 49 and np.ptp(log.places.alt_m) < 5.0
+
+
+def test_the_velocity_is_that_of_the_core_that_flies():
+    (log,) = read_vehicle_logs(FOLDER / "lane_switch_uav.bin")
     # the other core drifts by 6 m/s
-    assert len(wire) == 49 and max(np.abs(wire["vx"]).max(), np.abs(wire["vy"]).max()) < 100
+    assert len(log.places) == 49 and np.abs(log.places.v_ned).max() < 1.0
 
 
 def test_bursts_tell_no_speed_of_a_clock():

@@ -1,4 +1,5 @@
 import dataclasses
+import re
 from pathlib import Path
 
 import numpy as np
@@ -7,8 +8,8 @@ import pytest
 from gcs.errors import ImportFileError
 from gcs.importing.camera_choice import CameraOptions, choose_camera
 from gcs.importing.film import ImportedFilm
-from gcs.importing.timeline import check_overlap, find_timeline
-from gcs.importing.vehicle_log import ImportNotes, PlaceTrack, VehicleLog
+from gcs.importing.timeline import check_overlap, find_timeline, is_about
+from gcs.importing.vehicle_log import ImportNotes, PlaceTrack, VehicleLog, ViewTrack
 from vision.errors import CameraError
 
 T0 = 1_790_000_000_000_000
@@ -46,6 +47,25 @@ def test_what_was_assumed_of_the_fleet_is_told_where_it_does_not_fit():
         check_overlap(FILM, times, ("uav.csv", FLEET), FLEET, ["rover.gpx: times without a zone are UTC"])
 
 
+@pytest.mark.parametrize(("last_s", "told"), [(20.0, False), (21.5, False), (25.0, True)])
+def test_a_log_from_the_films_beginning_that_goes_on_behind_its_end_is_told(last_s, told):
+    times = find_timeline(FILM, uav_log(0.0, last_s, "video"), FLEET, 0.0)
+    words = "uav.csv tells of 24.8 s since the film's beginning, the film has 19.8 s: is it another film's, or was this"
+    assert [text.startswith(words) for text in times.assumed] == [True] * told
+
+
+def test_a_vehicle_that_reports_less_of_the_film_than_the_fleet_is_told():
+    times = find_timeline(FILM, None, FLEET, 0.0)
+    film_us = times.film_us, times.film_us + 19_800_000
+    spans = {"a": FLEET, "b": (T0 + 10_000_000, FLEET[1]), "c": (T0 + 3_600_000_000, T0 + 3_601_000_000)}
+    told = check_overlap(FILM, times, ("uav.csv", FLEET), FLEET, vehicles=spans)
+    assert told[0] == "b tells of 9.8 s of the film's 19.8 s"
+    assert re.fullmatch(r"c tells nothing of the film: of .*, from \+3600\.0 s of the film on", told[1])
+    assert [is_about(film_us, span) for span in spans.values()] == [True, True, False]
+    late = (T0 + 10_000_000, FLEET[1])
+    assert len(check_overlap(FILM, times, ("uav.csv", FLEET), late, vehicles={"a": late, "b": late})) == 1
+
+
 LENS = "width = {}\nheight = {}\nfx = {}\nfy = {}\ncx = {}\ncy = {}\n"
 
 
@@ -63,3 +83,15 @@ def test_a_lens_described_for_the_coded_picture_or_the_shown_one(lens, tmp_path)
     if lens[0] == 1440:
         with pytest.raises(CameraError, match="another aspect"):
             choose_camera(square, None, CameraOptions(lens=tmp_path / "lens.toml"))
+
+
+def test_upright_pictures_are_seen_across_their_longer_side():
+    upright = dataclasses.replace(FILM, width=1080, height=1920)
+    view = ViewTrack(t_us=np.array([0, 1_000_000]), hfov=np.radians([71.6, 40.0]), source="focal length")
+    uav = dataclasses.replace(uav_log(0.0, 2.0, "video"), view=view)
+    for options in (CameraOptions(model="dji-mini-3"), CameraOptions()):
+        chosen, log = choose_camera(upright, uav, options)
+        assert chosen.camera.fx == pytest.approx(960.0 / np.tan(np.radians(35.8)), rel=1e-3)
+        assert "71.6° across the longer side" in chosen.optics
+        assert np.tan(0.5 * log.view.hfov) == pytest.approx(np.tan(np.radians([35.8, 20.0])) * 1080 / 1920)
+    assert choose_camera(upright, None, CameraOptions(fov_deg=90.0))[0].camera.fx == pytest.approx(540.0)

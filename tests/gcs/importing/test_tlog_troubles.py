@@ -97,10 +97,11 @@ def test_a_vehicle_with_a_receiver_alone(tmp_path):
     speaker = MavlinkEncoder(11)
     with (tmp_path / "rover.tlog").open("wb") as file:
         for k in range(STEPS):
-            frames = [speaker.gps_raw_int(T0 + k * 200_000, *path_of(k)), speaker.heartbeat(kind=ROVER)]
-            file.writelines(struct.pack(">Q", T0 + k * 200_000) + frame for frame in frames)
+            fix = speaker.gps_raw_int(T0 + k * 200_000, *path_of(k), hdop=0.8)
+            file.writelines(struct.pack(">Q", T0 + k * 200_000) + frame for frame in (fix, speaker.heartbeat(ROVER)))
     (log,) = read_vehicle_logs(tmp_path / "rover.tlog")
     assert_path(log.places, T0)
+    assert log.places.std_m == pytest.approx(1.2)
     assert log.notes.found[0] == f"telemetry log, {STEPS} fixes of the receiver alone"
 
 

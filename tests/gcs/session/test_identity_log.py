@@ -8,6 +8,7 @@ from gcs.cli.rollcall import print_rollcall
 from gcs.errors import GcsError, SessionError
 from gcs.export.formats import FORMATS, format_for
 from gcs.export.job import ExportJob
+from gcs.report.overlay import standing_of
 from gcs.report.rollcall import RollCall
 from gcs.session.event_log import EventLog
 from gcs.session.identity_log import IdentityLog, read_identity
@@ -71,6 +72,13 @@ def test_a_log_read_back_says_the_same(tmp_path):
     said = [[(b.track_id, b.system_id, b.cx) for b in s.boxes] for s in after]
     assert said == [[(1, 2, 10.0), (2, 0, 20.0)]] * 3
     assert after[0].name_of(2) == "Alpha"
+    assert [standing_of(after[0], b) for b in after[0].boxes] == ["confirmed", "unidentified"]
+    own_us = np.array([s.t_us for s in before])
+    for times_us in (own_us, own_us + 3_600_000_000, np.append(own_us, own_us[-1] + 1)):
+        assert len(list(read_snapshots(tmp_path / "identity.csv", TWO_UGVS, None, times_us=times_us))) == 3
+    for times_us in (own_us[:2], own_us + 5_000_000 * (own_us > own_us[1])):
+        with pytest.raises(SessionError, match="its frames are not those of this recording"):
+            next(read_snapshots(tmp_path / "identity.csv", TWO_UGVS, None, times_us=times_us))
 
 
 def test_events_keep_hostile_text_as_it_came(tmp_path):

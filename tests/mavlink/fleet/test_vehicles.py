@@ -58,6 +58,14 @@ def test_unknown_messages_touch_nothing(world):
     assert world.fleet.at(T0 + S).vehicles == before.vehicles
 
 
+def test_a_fix_that_nobody_reports_is_unknown(world):
+    rover = world.speakers[11]
+    world.feed(rover.heartbeat(ROVER), T0)
+    assert world.fleet.at(T0).vehicles[1].fix == ""
+    world.feed(rover.gps_raw_int(0, 0.0, 0.0, 0.0, fix_type=1), T0 + S)
+    assert world.fleet.at(T0 + S).vehicles[1].fix == "none"
+
+
 def test_arming_and_modes_are_said(world):
     rover = world.speakers[11]
     world.feed(rover.heartbeat(ROVER, custom_mode=16, armed=False, status=2), T0)

@@ -30,6 +30,23 @@ def test_a_whole_log_stays_as_it_is_also_across_the_date_line():
     assert not log.notes.skipped
 
 
+@pytest.mark.parametrize(
+    ("first_us", "said"),
+    [
+        (100_000_000, "it is of 1970-01-01 by its date: a clock that was never set?"),
+        (
+            1_175_853_600_000_000,
+            "it is of 2007-04-06 by its date: a receiver whose weeks have begun again? that would ",
+        ),
+        (1_795_169_997_000_000, ""),
+    ],
+)
+def test_old_dates_are_those_of_a_clock_or_of_a_receivers_weeks(first_us, said):
+    log = log_of()
+    log = plausible(dataclasses.replace(log, places=dataclasses.replace(log.places, t_us=T_US - T_US[0] + first_us)))
+    assert "".join(log.notes.assumed).startswith(said) and bool(log.notes.assumed) == bool(said)
+
+
 @pytest.mark.parametrize("rows", [[0], [N // 2], [N - 1], [40, 41, 42, 43], [3, 90, 150]])
 def test_places_that_cannot_be_reached_are_left_out_and_counted(rows):
     lat = LAT.copy()
