@@ -225,7 +225,11 @@ class RollCall:
     @property
     def reports(self) -> str:
         """Numbers of alarms, warnings and marks, in words."""
-        counts = {"alarm": self.alarms.alarms, "warning": self.alarms.warnings, "mark": self.marks}
+        return self.counted()
+
+    def counted(self, more_warnings: int = 0) -> str:
+        """Numbers of alarms, warnings and marks, in words, with those warnings that are no alarm's."""
+        counts = {"alarm": self.alarms.alarms, "warning": self.alarms.warnings + more_warnings, "mark": self.marks}
         return ", ".join(f"{count} {what}{'s' * (count != 1)}" for what, count in counts.items())
 
     @property
@@ -251,9 +255,10 @@ class RollCall:
         """Duration from the first frame that was looked at to the last, s."""
         return (self._stop_us - self._start_us) * 1e-6
 
-    def after_first_frame(self, frame_us: int) -> str:
-        """Time from the first frame that was looked at to another one, ``14.7 s``, as ``first_named`` counts it."""
-        return _seconds((frame_us - self._start_us) * 1e-6)
+    @property
+    def first_frame_us(self) -> int:
+        """Time of the first frame that was looked at, Unix µs, from which ``first_named_s`` counts."""
+        return self._start_us
 
     def rows(self) -> list[RollCallRow]:
         """Return a row for each vehicle, in the mission's order."""
