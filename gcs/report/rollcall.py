@@ -225,11 +225,7 @@ class RollCall:
     @property
     def reports(self) -> str:
         """Numbers of alarms, warnings and marks, in words."""
-        return self.counted()
-
-    def counted(self, more_warnings: int = 0) -> str:
-        """Numbers of alarms, warnings and marks, in words, with those warnings that are no alarm's."""
-        counts = {"alarm": self.alarms.alarms, "warning": self.alarms.warnings + more_warnings, "mark": self.marks}
+        counts = {"alarm": self.alarms.alarms, "warning": self.alarms.warnings, "mark": self.marks}
         return ", ".join(f"{count} {what}{'s' * (count != 1)}" for what, count in counts.items())
 
     @property

@@ -56,11 +56,11 @@ def _wrong(record: FlightSummary, matched: Matched | None) -> str:
     lines += listed(_alarms(record))
     # counted by what they are about: one cause may give a hundred, each in other words
     besides = Counter(event.kind for event in record.events if event.kind not in ("mark", "operator"))
-    lines += [(f"warnings about {kind}: {count}", "warn") for kind, count in besides.most_common(3)]
+    lines += [(f"other warnings about {kind}: {count}", "warn") for kind, count in besides.most_common(3)]
     marks = (event for event in record.events if event.kind == "mark")
     lines += listed([(f"marked: {text_with_sender(event, record.name_of)}", "") for event in marks])
     kind = "bad" if sure_s > 0 or record.rollcall.alarms.alarms else "warn" if lines else "good"
-    figure, _, what = record.rollcall.counted(more_warnings=besides.total()).partition(" ")
+    figure, _, what = record.rollcall.reports.partition(" ")
     summed = (figure, what) if lines else ("", "nothing that is known of")
     return card("What went wrong", summed, lines, kind)
 

@@ -238,12 +238,6 @@ def test_two_alarms_at_once_doubt_a_name_no_longer_than_one():
     assert "Alpha: its name in doubt for 0:00.7" in first_screen(check_alone(report(flown)))
 
 
-def test_warnings_on_the_first_screen_are_as_many_as_the_page_lists():
-    early = Event(t_us=snapshot(1).t_us, level="warning", kind="video", text="gap")
-    page = check_alone(report([replace(snapshot(k), events=(early,) * (k == 1)) for k in range(9)]))
-    assert "0 alarms, 1 warning, 0 marks warnings about video: 1" in first_screen(page)
-
-
 def test_a_name_with_a_hyphen_is_never_broken_at_it():
     assert card("Who", ("1", "named"), [("confirmed: UGV-2, <UGV>-11", "")]).count('<span class="whole">') == 2
     assert whole_words("a – b, c") == "a – b, c"
