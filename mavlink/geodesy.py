@@ -11,7 +11,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from pyproj import Transformer
 
 from mavlink.errors import GeodesyError
 
@@ -43,6 +42,8 @@ class LocalFrame:
     def __init__(self, lat_deg: float, lon_deg: float, alt_m: float = 0.0) -> None:
         if not (abs(lat_deg) <= 90.0 and abs(lon_deg) <= 180.0 and math.isfinite(alt_m)):
             raise GeodesyError(f"no such place: latitude {lat_deg}, longitude {lon_deg}, altitude {alt_m}")
+        from pyproj import Transformer  # takes 0.1 s to load, and screens are there before the first position
+
         self.lat_deg = float(lat_deg)
         self.lon_deg = float(lon_deg)
         self.alt_m = float(alt_m)

@@ -107,7 +107,7 @@ def measure_flight(keys: int, figures: Figures) -> None:
         flight = [*GCS, "fly", mission, "-l", str(links), "-v", stream, "--sessions", f"{folder}/sessions"]
         simulator = [*GCS, "sim", "run", "curved-road", "--live", "--telemetry", f"udpout:127.0.0.1:{links}"]
         with TerminalSession([*map(str, flight), "--ui", "graphics=blocks"], WIDE) as session:
-            session.wait_until(lambda text: "ROLLCALL" in text)
+            session.wait_until(lambda text: "● REC" in text)
             with TerminalSession([*simulator, "--stream", stream, "--truth", f"{folder}/truth.csv"], WIDE):
                 session.wait_until(lambda text: "▀" in text)
                 time.sleep(SETTLE_S)

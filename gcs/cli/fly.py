@@ -40,7 +40,6 @@ from gcs.cli.sharing.publishing import Publish, Stream, parse_sinks, publishing
 from gcs.errors import GcsError
 from gcs.flight.flight import Flight
 from gcs.flight.plan import FlightPlan
-from gcs.live_out.sink import SinkSource
 from gcs.mission.mission import Mission, unheeded_links
 from gcs.report.rollcall import RollCall
 from gcs.session.sealing import Sealing
@@ -205,7 +204,7 @@ def fly(
         ending.callback(door.close)
         if not screen:
             print_note(_gone_on(flight, "recording" if headless else "no terminal, so no screen; recording", door))
-        with publishing(flight, sinks, SinkSource(name=flight.folder.name), sessions, flight.latest_of_first):
+        with publishing(flight, sinks, flight.folder.name, sessions, flight.latest_of_first):
             if not screen or not _screen(flight, calls, options, door, asked):
                 _wait(flight, calls, door, asked, duration)
     if asked.hung_up:

@@ -1,4 +1,7 @@
-"""``gcs replay``: a recording on the screens."""
+"""``gcs replay``: a recording on the screens.
+
+What opens and folds a recording is imported when one is opened: ``--help`` does without.
+"""
 
 from __future__ import annotations
 
@@ -6,8 +9,9 @@ import os
 import shlex
 import sys
 from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import msgspec
 import typer
@@ -26,11 +30,10 @@ from gcs.cli.output.console import (
 from gcs.cli.screen_options import ScreenOptions, Ui, screen_options
 from gcs.cli.sharing.publishing import Publish, Stream, parse_sinks, publishing
 from gcs.errors import GcsError
-from gcs.live_out.sink import SinkSource
-from gcs.live_out.sink_url import SinkUrl
-from gcs.playback.replay import Replay
-from gcs.session.metadata import in_flight, seal
-from gcs.session.session import Session, open_session
+
+if TYPE_CHECKING:
+    from gcs.live_out.sink_url import SinkUrl
+    from gcs.session.session import Session
 
 
 def replay(
@@ -52,6 +55,9 @@ def replay(
     ] = 0,
 ) -> None:
     """Play, seek and step through a recording."""
+    from gcs.session.metadata import in_flight, seal
+    from gcs.session.session import open_session
+
     sinks, options = parse_sinks(publish, stream), screen_options(ui)
     if serve and sinks:
         raise GcsError("--serve starts a replay for each browser; give --publish and --stream to one on a terminal")
@@ -120,13 +126,16 @@ def show_replay(
         )
     if not _in_browser():
         check_terminal(f"gcs identify {as_typed(session.path)} -o FOLDER names the vehicles without")
-    # The screens are slow to import, and headless commands do without.
-    from gcs.tui import run
+    from gcs.playback.replay import Replay
 
-    station = Replay(session, redetect=detect)
+    # a film is opened by another process, and the screens, which are slow to import, are imported meanwhile
+    with ThreadPoolExecutor(1) as pool:
+        opening = pool.submit(Replay, session, redetect=detect)
+        from gcs.tui import run
+
+        station = opening.result()
     try:
-        source = SinkSource(name=session.name, replayed=True)
-        with redirect_stderr(None), publishing(station, sinks, source, Path()):
+        with redirect_stderr(None), publishing(station, sinks, session.name, Path(), replayed=True):
             return run(station, options.graphics, bell=options.bell, theme=options.theme, fps=options.fps).code
     finally:
         station.stop()

@@ -11,7 +11,6 @@ import msgspec
 import typer
 
 from gcs.errors import ConfigError
-from gcs.mission.mission import config_folder
 from infra.files.safe_open import read_small
 from infra.toml_tables import MAX_TOML_BYTES, build, parse_toml
 
@@ -69,6 +68,8 @@ def screen_options(given: Sequence[str] | None) -> ScreenOptions:
 
 
 def _of_user() -> ScreenOptions:
+    from gcs.mission.mission import config_folder  # missions take 0.2 s to load, and --help does without
+
     try:
         path = config_folder() / "config.toml"
         data = read_small(path, MAX_TOML_BYTES)

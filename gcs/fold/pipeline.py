@@ -15,15 +15,11 @@ from numpy.typing import NDArray
 
 from gcs.fold.camera.frame_camera import FrameCamera, reported_pixels
 from gcs.fold.fleet_changes import FleetChanges
-from gcs.fold.naming import NamingStage
-from gcs.fold.seeing import SeeingStage
-from gcs.fold.showing import ShowingStage
 from gcs.fold.turn import Look, Turn
 from gcs.mission.mission import Camera, Mission
 from gcs.session.fold_order import NO_FRAME
 from gcs.snapshot import Event, FleetChange, Health, Snapshot, Statement
 from mavlink.estimation.gimbal import turns_camera
-from mavlink.fleet.fleet import Fleet
 from mavlink.geodesy import LocalFrame
 from mavlink.protocol.packet import Auth, Packet
 from mavlink.state import FleetState
@@ -62,6 +58,12 @@ class Pipeline:
         *,
         sized: bool = True,
     ) -> None:
+        # half of what a replay imports, scipy most of it: its screens are there before
+        from gcs.fold.naming import NamingStage
+        from gcs.fold.seeing import SeeingStage
+        from gcs.fold.showing import ShowingStage
+        from mavlink.fleet.fleet import Fleet
+
         self.mission = mission
         camera_id, gimbal_id = (mission.camera.device, mission.camera.gimbal) if mission.camera else (0, 0)
         self.fleet = Fleet(

@@ -14,12 +14,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from assoc.whole_flight.evidence import FlightEvidence
 from gcs.errors import GcsError
 from gcs.fold.camera.frame_camera import identifier_params
 from gcs.fold.pipeline import Pipeline
 from gcs.fold.seen_elsewhere import with_elsewhere
-from gcs.fold.view_exchange import ExchangeMember
 from gcs.playback.in_step import InStep
 from gcs.playback.looked_frames import LookedFrame, look_again, recorded_frames
 from gcs.playback.moments import moments_between
@@ -37,6 +35,8 @@ from vision.errors import VisionError
 from vision.stream.pace import stall_after_s
 
 if TYPE_CHECKING:
+    from assoc.whole_flight.evidence import FlightEvidence
+    from gcs.fold.view_exchange import ExchangeMember
     from gcs.mission.mission import Camera, DetectorChoice
     from vision.detect.detector import Detector
 
@@ -247,6 +247,8 @@ class Analysis:
 
     def keep_evidence(self) -> FlightEvidence:
         """Keep, from the next fold on, what names rest on: for a look at the whole flight."""
+        from assoc.whole_flight.evidence import FlightEvidence
+
         self._evidence = FlightEvidence(identifier_params(self.mission))
         return self._evidence
 

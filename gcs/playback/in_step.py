@@ -7,13 +7,13 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Iterator, Mapping
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from gcs.errors import GcsError, SessionError
-from gcs.fold.view_exchange import ExchangeMember, ViewExchange
 from gcs.session.tables import read_table
 from gcs.snapshot import Snapshot
 from infra.files.segment import segments
@@ -22,6 +22,7 @@ from mavlink.errors import MavlinkError
 from vision.errors import VisionError
 
 if TYPE_CHECKING:
+    from gcs.fold.view_exchange import ExchangeMember, ViewExchange
     from gcs.playback.analysis import Analysis
 
 Moment = tuple[int, Snapshot]
@@ -106,7 +107,13 @@ class InStep:
     def __init__(self, tell: Callable[[int, str], None] = lambda t_us, text: None) -> None:
         self._tell = tell
         self._cameras: dict[int, _FoldedCamera] = {}
-        self._exchange = ViewExchange(self._heard)
+
+    @cached_property
+    def _exchange(self) -> ViewExchange:
+        # it needs scipy, which the screens of a flight with one camera need not wait for
+        from gcs.fold.view_exchange import ViewExchange
+
+        return ViewExchange(self._heard)
 
     def join(self, analysis: Analysis, *, followed: bool) -> str:
         """Add a camera.
@@ -123,7 +130,7 @@ class InStep:
             return None
         followed = {other: camera for other, camera in self._cameras.items() if camera.followed}
         if followed:
-            self._exchange = ViewExchange(self._heard)
+            self.__dict__.pop("_exchange", None)  # a new one
         for other, camera in followed.items():
             camera.begin(camera.analysis.folded(self._exchange.join(other)))
         return self._exchange.join(uav_id)

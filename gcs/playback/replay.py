@@ -46,6 +46,8 @@ PERIOD_US = 200_000
 """Rate at which a place is drawn again of which nothing is known but its frame."""
 PARTS: Final = 1000
 """Parts of a recording: several for each cell of the widest screens."""
+UNSEEN_S = 2.0
+"""The analysis begins once somebody has a picture, or after this long: what it imports would hold the screen up."""
 HELD_US: Final = 2_000_000
 """A name counts for this long without another snapshot, as on the screen."""
 
@@ -143,7 +145,7 @@ class Replay:
         """
         self._lock = threading.Lock()
         self._analysis = analysis = Analysis(session, redetect=redetect)
-        self._decoded = _DecodedFrames(session, analysis.video)
+        self._decoded = _DecodedFrames(analysis.video)
         self._times = np.maximum.accumulate(analysis.times_us)
         self._reports, trouble = FlownReports.of(analysis.opened)
         self._start_us, self._stop_us = self._reports.start_us, self._reports.stop_us
@@ -158,7 +160,7 @@ class Replay:
         self._reported: tuple[Event, ...] = ()
         self._events: tuple[Event, ...] = ()
         self._latest: Snapshot | None = None
-        self._stop = threading.Event()
+        self._stop, self._seen = threading.Event(), threading.Event()
         self._now_us = float(self._begin_us())
         self._trails = Trails()
         self._confidence = ConfidenceHistory(self.start_us, self.stop_us)
@@ -241,7 +243,9 @@ class Replay:
 
     def latest(self) -> Snapshot | None:
         """The snapshot on show."""
-        return self._latest
+        if (latest := self._latest) is not None:
+            self._seen.set()
+        return latest
 
     def events(self) -> Sequence[Event]:
         """Events that the flight reported or that were found so far, also ahead of the place on show."""
@@ -358,11 +362,11 @@ class Replay:
         """End both threads and close the video, of all cameras."""
         for view in self._views:
             view._stop.set()
+            view._seen.set()
         for view in self._views:
             for thread in view._threads:
                 thread.join(timeout=5)
             view._analysis.close()
-            view._decoded.close()
 
     def _begin_us(self) -> int:
         """Place where it begins to play: at the first frame if it comes soon, so that nobody waits for a picture; or
@@ -382,6 +386,7 @@ class Replay:
 
     def _analyse(self) -> None:
         """Work out all of it from the start, but first what is looked at far ahead."""
+        self._seen.wait(UNSEEN_S)
         moments = self._analysis.moments(self._reports.flown)
         while not self._stop.is_set():
             t_us = self.now_us
@@ -489,8 +494,8 @@ class Replay:
 class _DecodedFrames:
     """Decoded frames by place, by decoding on where that is near and seeking where it is not."""
 
-    def __init__(self, session: Session, video: VideoFile | None) -> None:
-        self._video = VideoFile.open(session.video, video.times_us) if session.video and video else None
+    def __init__(self, video: VideoFile | None) -> None:
+        self._video = video
         self._frames: Iterator[Frame] = iter(())
         self._held: Frame | None = None
 
@@ -507,7 +512,3 @@ class _DecodedFrames:
                 self._held = frame
                 return frame
         return self._held
-
-    def close(self) -> None:
-        if self._video is not None:
-            self._video.close()

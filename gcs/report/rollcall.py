@@ -251,9 +251,10 @@ class RollCall:
         """Duration from the first frame that was looked at to the last, s."""
         return (self._stop_us - self._start_us) * 1e-6
 
-    def after_first_frame(self, frame_us: int) -> str:
-        """Time from the first frame that was looked at to another one, ``14.7 s``, as ``first_named`` counts it."""
-        return _seconds((frame_us - self._start_us) * 1e-6)
+    @property
+    def first_frame_us(self) -> int:
+        """Time of the first frame that was looked at, Unix µs, from which ``first_named_s`` counts."""
+        return self._start_us
 
     def rows(self) -> list[RollCallRow]:
         """Return a row for each vehicle, in the mission's order."""

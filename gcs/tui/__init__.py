@@ -10,15 +10,18 @@ import gc
 import signal
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
-from gcs.flight.listening import Listening
-from gcs.mission.roster import FleetChoice, Role
 from gcs.report.rollcall import RollCall
 from gcs.station import Station
 from gcs.tui.app import RollcallApp
 from gcs.tui.draw.pixels import Graphics
 from gcs.tui.terminal.terminal_app import MAX_FPS
 from gcs.tui.themes import ThemeName
+
+if TYPE_CHECKING:
+    from gcs.flight.listening import Listening
+    from gcs.mission.roster import FleetChoice, Role
 
 __all__ = ["Ended", "RollcallApp", "run", "run_start"]
 
@@ -57,7 +60,6 @@ def run(
         hung_up: asked time and again, by another thread, whether to end as if the terminal were gone.
     """
     # what is loaded by now stays; walking through it costs the screen 0.1 s at every full collection
-    gc.collect()
     gc.freeze()
     app = RollcallApp(station, graphics=graphics, bell=bell, theme=theme, fps=fps, calls=calls)
     app.to_end, app.hung_up = to_end, hung_up

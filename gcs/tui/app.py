@@ -183,6 +183,7 @@ class RollcallApp(ReplayApp):
             name = self.snapshot.name_of(self.selected) if self.snapshot is not None else ""
             shown_us = self.snapshot.now_us if self.snapshot is not None else None
             self._timeline.show(self._station.timeline, events, self.selected, name, shown_us)
+            self._events.now_us = 0 if self._timeline.is_behind else self._station.timeline.now_us
         self._alert_line.alert = self._alert()
         self._ring()
         self._offered = tell_newcomers(self, self._station.newcomers(), self._offered)

@@ -1,4 +1,4 @@
-"""Rows of a widget that are drawn again only when something of it has changed."""
+"""Rows of widgets: taken as they are, and drawn again only when something has changed."""
 
 from __future__ import annotations
 
@@ -7,6 +7,17 @@ from typing import Self
 from textual.geometry import Region
 from textual.strip import Strip
 from textual.widget import Widget
+
+
+class PlainLines(Widget):
+    """A widget without a border, padding and tints, for which Textual would look in each row."""
+
+    def render_lines(self, crop: Region) -> list[Strip]:
+        """Rows as they are."""
+        if self.get_line_filters():
+            return super().render_lines(crop)
+        left, right = crop.column_span
+        return [self.render_line(y).crop(left, right) for y in crop.line_range]
 
 
 class KeptLines(Widget):

@@ -10,6 +10,7 @@ from gcs.certainty import CONFIRMED, certainty
 from gcs.health.alarm_history import AlarmSpan
 from gcs.report.page.flight_summary import FlightSummary
 from gcs.report.page.html import Line, card, fixed, listed
+from gcs.report.page.timeline import clock
 from gcs.report.page.vehicle_parts import standing_of
 from gcs.report.score import Matched, score
 from gcs.report.vehicle_names import text_with_sender
@@ -51,7 +52,7 @@ def _standings(record: FlightSummary) -> Iterator[Line]:
 
 def _wrong(record: FlightSummary, matched: Matched | None) -> str:
     sure_s = score(matched).wrong_sure_s if matched is not None else 0.0
-    lines: list[Line] = [(f"wrong and sure for {sure_s:.1f} s", "bad")] if sure_s > 0 else []
+    lines: list[Line] = [(f"wrong and sure for {clock(sure_s)}", "bad")] if sure_s > 0 else []
     lines += listed(_alarms(record))
     # counted by what they are about: one cause may give a hundred, each in other words
     besides = Counter(event.kind for event in record.events if event.kind not in ("mark", "operator"))
@@ -73,7 +74,7 @@ def _alarms(record: FlightSummary) -> list[Line]:
     for (lesser, _), spans in troubles.items():
         on_s = _on_s(record, spans)
         often = f"{len(spans)} times, " if len(spans) > 1 else ""
-        lines.append((lesser, -on_s, f"{spans[0].alarm.text} ({often}{on_s:.1f} s)"))
+        lines.append((lesser, -on_s, f"{spans[0].alarm.text} ({often}{clock(on_s)})"))
     return [(text, "warn" if lesser else "bad") for lesser, _, text in sorted(lines)]
 
 
@@ -84,7 +85,7 @@ def _doubtful(record: FlightSummary, matched: Matched | None, lacks: Sequence[st
         if span.alarm.doubts_name:
             doubts.setdefault(record.name_of(span.alarm.system_id), []).append(span)
     longest = sorted(((_on_s(record, spans), name) for name, spans in doubts.items()), reverse=True)
-    lines = listed([(f"{name}: its name in doubt for {on_s:.1f} s", "bad") for on_s, name in longest])
+    lines = listed([(f"{name}: its name in doubt for {clock(on_s)}", "bad") for on_s, name in longest])
     unsure = (row for row in calls.rows() if row.boxes and row.confidence < CONFIRMED)
     lines += listed([(f"{row.name}: {certainty(row.confidence)} sure, on average", "tentative") for row in unsure])
     lines += [(calls.skipped, "warn")] * bool(calls.skipped)

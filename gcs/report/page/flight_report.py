@@ -10,7 +10,7 @@ from typing import Final
 
 from gcs.report.page.at_a_glance import at_a_glance
 from gcs.report.page.flight_summary import FlightSummary
-from gcs.report.page.html import empty, page, section, table, words
+from gcs.report.page.html import empty, page, section, table, whole_words
 from gcs.report.page.map_drawing import draw_map
 from gcs.report.page.score_parts import score_parts
 from gcs.report.page.stills import Stills
@@ -58,7 +58,7 @@ def flight_report(record: FlightSummary, stills: Stills, matched: Matched | None
     calls = record.rollcall
     began = datetime.fromtimestamp(record.start_us * 1e-6, UTC)
     lead = (
-        f"{began:%Y-%m-%d %H:%M:%S} UTC, {clock(record.span_s)} min. "
+        f"{began:%Y-%m-%d %H:%M:%S} UTC, {clock(record.span_s)} long. "
         f"{calls.boxes - calls.unnamed} of {calls.boxes} boxes in {calls.frames} frames have a name."
     )
     truth = "Nobody recorded which box is which vehicle: how right the names were is not known."
@@ -132,7 +132,7 @@ def _left_out(count: int, what: str) -> str:
 def _lines(lines: Sequence[str]) -> str:
     if not lines:
         return empty("Nothing that is known of.")
-    return f"<ul>{''.join(f'<li>{words(line)}</li>' for line in lines)}</ul>"
+    return f"<ul>{''.join(f'<li>{whole_words(line)}</li>' for line in lines)}</ul>"
 
 
 def _made_of(about: Provenance) -> str:

@@ -44,6 +44,14 @@ def words(text: str) -> str:
     return html.escape(plain(text), quote=True)
 
 
+_HYPHENATED: Final = re.compile(r"(?<!\S)(?=\S*-)\S{1,32}(?!\S)")
+
+
+def whole_words(text: str) -> str:
+    """Words as ``words`` makes them, those with a hyphen unbroken: half a vehicle's name may be another's."""
+    return _HYPHENATED.sub(r'<span class="whole">\g<0></span>', words(text))
+
+
 def fixed(value: float, digits: int = 1, unit: str = "") -> str:
     """A number with its unit; a dash where it is unknown."""
     if not math.isfinite(value):
@@ -132,7 +140,7 @@ def card(title: str, sum_up: tuple[str, str], lines: Iterable[Line], kind: str =
         kind: ``good warn bad``, how it looks as a whole.
     """
     figure, what = map(words, sum_up)
-    listed = "".join(f"<li{_kind(of)}>{words(text)}</li>" for text, of in lines)
+    listed = "".join(f"<li{_kind(of)}>{whole_words(text)}</li>" for text, of in lines)
     summed = f"<strong>{figure}</strong> {what}" if figure else what
     return (
         f'<div{_kind("card", kind)}><h2>{words(title)}</h2><p class="sum">{summed}</p>'

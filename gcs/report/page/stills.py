@@ -12,7 +12,7 @@ import cv2
 from gcs.certainty import CONFIRMED, certainty
 from gcs.report.overlay import draw
 from gcs.report.page.flight_summary import FlightSummary
-from gcs.report.page.html import empty, words
+from gcs.report.page.html import empty, whole_words, words
 from gcs.report.page.timeline import clock
 from gcs.report.vehicle_names import text_with_sender
 from gcs.snapshot import Snapshot
@@ -104,5 +104,5 @@ def _figure(record: FlightSummary, still: _Still) -> str:
     at, what = clock((still.t_us - record.start_us) * 1e-6), words(still.what)
     return (
         f'<figure><img src="data:image/jpeg;base64,{data}" alt="The picture at {at}: {what}">'
-        f"<figcaption>{at} – {what}</figcaption></figure>"
+        f"<figcaption>{at} – {whole_words(still.what)}</figcaption></figure>"
     )

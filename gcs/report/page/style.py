@@ -100,6 +100,7 @@ th:first-child{position:sticky;left:0;background:var(--panel);max-width:45vw}
 article th:first-child{position:static;background:none}tbody th{min-width:5.5rem}
 td:not(.n):is(:last-child,:nth-child(2):not([class])){min-width:13rem}
 .confirmed,.tentative,.never{white-space:nowrap}.card li{white-space:normal}
+.whole{white-space:nowrap}
 td.n,th.n{text-align:right;font-variant-numeric:tabular-nums;white-space:nowrap}
 td.share{background:
 linear-gradient(to right,var(--confirmed) var(--share),var(--head) 0) 0 100%/calc(100% - .9rem) 3px no-repeat}

@@ -36,7 +36,8 @@ def rollcall_table(record: FlightSummary) -> str:
         rows.append(
             (
                 *(row.name, standing_of(record, row), certainty(row.confidence) or "–", held),
-                *(fixed(100 * row.share, 1, "%"), row.first_named, str(row.boxes), str(row.system_id), row.remark),
+                *(fixed(100 * row.share, 1, "%"), _first_named(record, row) or "–"),
+                *(str(row.boxes), str(row.system_id), row.remark),
             )
         )
     kinds: Mapping[str, Callable[[str], str | None]] = {"standing": _STANDINGS.get, "of frames in view": bar}
@@ -51,8 +52,8 @@ def vehicle_parts(record: FlightSummary) -> str:
 
 def _part(record: FlightSummary, vehicle: VehicleRecord, row: RollCallRow) -> str:
     rows = [
-        ("first named", row.first_named if row.boxes else "never"),
-        ("first confirmed", record.rollcall.after_first_frame(vehicle.sure_us) if vehicle.sure_us else "never"),
+        ("first named", _first_named(record, row) or "never"),
+        ("first confirmed", _at(record, vehicle.sure_us) if vehicle.sure_us else "never"),
         ("confidence", _confidence(vehicle.named)),
         ("from its box to its report", _metres(vehicle.residual_m)),
         ("who else it might have been", _others(vehicle)),
@@ -67,6 +68,15 @@ def _part(record: FlightSummary, vehicle: VehicleRecord, row: RollCallRow) -> st
     ]
     head = f"<h3>{words(vehicle.name)} <span class='soft'>system id {vehicle.system_id}</span></h3>"
     return f"<article>{head}{table(('what', 'found'), rows, caption=f'What is known of {vehicle.name}')}</article>"
+
+
+def _at(record: FlightSummary, t_us: float) -> str:
+    return clock((t_us - record.start_us) * 1e-6)
+
+
+def _first_named(record: FlightSummary, row: RollCallRow) -> str:
+    """Time of its first name since the flight began, as everywhere on the page; empty without one."""
+    return _at(record, record.rollcall.first_frame_us + row.first_named_s * 1e6) if row.boxes else ""
 
 
 def _confidence(named: Spread) -> str:
@@ -93,9 +103,6 @@ def _fixes(vehicle: VehicleRecord) -> str:
 def _changes(record: FlightSummary, vehicle: VehicleRecord) -> str:
     if not vehicle.changed:
         return "never"
-    told = [
-        f"{clock((t_us - record.start_us) * 1e-6)} (track {before} to {after})"
-        for t_us, before, after in vehicle.changes
-    ]
+    told = [f"{_at(record, t_us)} (track {before} to {after})" for t_us, before, after in vehicle.changes]
     more = vehicle.changed - len(told)
     return ", ".join(told[:MAX_CHANGES]) + (f" and {more} more" if more else "")

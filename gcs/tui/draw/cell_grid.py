@@ -128,7 +128,7 @@ def _padded(texts: Sequence[bytes]) -> NDArray[np.uint8]:
 class CellRow(Strip):
     """A row of a grid, ready for the terminal: its segments, which take longer, are made for those who ask."""
 
-    __slots__ = ("_known", "_letters", "_looks", "_made")
+    __slots__ = ("_changes", "_known", "_letters", "_looks", "_made")
 
     def __init__(self, letters: NDArray[np.int64], looks: NDArray[np.int64], known: _Looks, rendered: str) -> None:
         """Make a row.
@@ -143,6 +143,7 @@ class CellRow(Strip):
         super().__init__((), len(letters))
         self._letters, self._looks, self._known = letters, looks, known
         self._render_cache = rendered
+        self._changes = 0
 
     def __eq__(self, other: object) -> bool:
         """Rows that the terminal shows alike are alike."""
@@ -153,7 +154,9 @@ class CellRow(Strip):
     @property
     def changes(self) -> int:
         """Number of cells that look other than the cell before, the first among them."""
-        return 1 + int(np.count_nonzero(self._looks[1:] != self._looks[:-1]))
+        if not self._changes:
+            self._changes = 1 + int(np.count_nonzero(self._looks[1:] != self._looks[:-1]))
+        return self._changes
 
     @property
     def _segments(self) -> list[Segment]:

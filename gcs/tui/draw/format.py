@@ -96,8 +96,8 @@ def percent(share: float) -> str:
 
 
 def number(value: float, unit: str, digits: int = 1) -> str:
-    """``0.4 m``, ``–`` for NaN or infinity."""
-    return f"{value:.{digits}f} {unit}" if math.isfinite(value) else "–"
+    """``0.4 m``, never ``-0 m``; ``–`` for NaN or infinity."""
+    return f"{value:z.{digits}f} {unit}" if math.isfinite(value) else "–"
 
 
 def metres(value: float) -> str:

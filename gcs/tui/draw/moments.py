@@ -15,6 +15,9 @@ KINDS: Final[tuple[Moment, ...]] = ("identity", "warning", "gap", "mark", "alarm
 """The last one wins a cell in which there are several."""
 SIGNS: Final[dict[Moment, str]] = {"identity": "│", "warning": "╹", "gap": "░", "mark": "▼", "alarm": "!"}
 
+NOT_ANALYSED: Final = "┄"
+"""Sign of a part of a recording of which nothing is known yet."""
+
 
 def kind_of(event: Event) -> Moment | None:
     """Kind of mark for an event; None: it has none."""

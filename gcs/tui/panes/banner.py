@@ -16,7 +16,7 @@ from gcs.snapshot import Alarm, Event, Snapshot
 from gcs.station import SIMULATION_OVER
 from gcs.tui.draw.format import REPORTED_WORDS, age, clock
 from gcs.tui.draw.strips import cut_between_words, fitted, line
-from gcs.tui.kept_lines import KeptLines
+from gcs.tui.kept_lines import KeptLines, PlainLines
 from gcs.tui.palette import ALARM, FAINT, HEAD, PANEL, WARN, ink
 from gcs.tui.panes.alarms import ALARMS_UNKNOWN, Seen, is_final, unseen
 from infra.plain_text import plain
@@ -129,7 +129,7 @@ def _first(
     )
 
 
-class Banner(KeptLines):
+class Banner(KeptLines, PlainLines):
     """One row for the worst."""
 
     ALLOW_SELECT: ClassVar[bool] = False

@@ -87,6 +87,8 @@ class EventPane(Pane):
     least: reactive[Level] = reactive("info", repaint=False)
     words: reactive[str] = reactive("", repaint=False)
     """Words that all events on screen have."""
+    now_us: reactive[int] = reactive(0, repaint=False)
+    """Place of a replay, Unix µs, where that is what the screen shows; what happened since its frame is past, too."""
 
     def __init__(self, *, id: str, live: bool = True) -> None:
         super().__init__(id=id)
@@ -112,7 +114,7 @@ class EventPane(Pane):
 
     def shown(self) -> list[EventRow]:
         """Rows that may be on screen: not of a replay's future, of the newest few thousand events."""
-        until_us = None if self._live or self.snapshot is None else self.snapshot.now_us
+        until_us = None if self._live or self.snapshot is None else max(self.snapshot.now_us, self.now_us)
         past = [event for event in self.all_events if until_us is None or event.t_us <= until_us]
         look = (past[-MAX_EVENTS:], self.least, self.words)
         if look != self._look:  # to search and fold takes longer than to draw
@@ -142,6 +144,10 @@ class EventPane(Pane):
         """Go to the newest event when the search changes."""
         self._back = 0
         self.redraw()
+
+    def watch_now_us(self) -> None:
+        """Draw again when something has become past."""
+        self.watch_snapshot()
 
     def watch_snapshot(self) -> None:
         """A flight's log changes with its events alone, a replay's also with which of them are past."""

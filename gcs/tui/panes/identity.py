@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Mapping, Sequence
+from itertools import islice, zip_longest
 from typing import ClassVar, Final, get_args
 
 from textual.reactive import reactive
@@ -35,7 +36,7 @@ from gcs.tui.draw.format import (
 )
 from gcs.tui.draw.freshness import UNKNOWN, aged, fix_age_s, spread
 from gcs.tui.draw.map_canvas import BOX_MARK, STANDING_MARKS
-from gcs.tui.draw.strips import Part, bar, fitted, folded, line, width_of
+from gcs.tui.draw.strips import Part, bar, cut_between_words, fitted, folded, line, width_of
 from gcs.tui.palette import (
     ACCENT,
     ALARM,
@@ -149,13 +150,11 @@ def _columns(facts: Sequence[Fact], width: int, height: int) -> list[Strip]:
     rows = [parts for fact in facts for parts in _text(fact, width - MARGIN)]
     if height >= len(rows) or width < 60:
         return [line(parts, width) for parts in rows[: max(height, 0)]]
-    half = math.ceil(len(facts) / 2)
-    strips = []
-    for index in range(min(half, height)):
-        left = line(_fact_parts(facts[index]), width // 2)
-        right = _fact_parts(facts[half + index]) if half + index < len(facts) else []
-        strips.append(Strip.join([left, line(right, width - width // 2)]))
-    return strips
+    half, cells = math.ceil(len(facts) / 2), (width // 2, width - width // 2)
+    room = cells[0] - NAME_CELLS - 2
+    pairs = zip_longest(facts[:half], facts[half:], fillvalue=("", "", FAINT))
+    shortened = ([(name, cut_between_words(text, room), colour) for name, text, colour in pair] for pair in pairs)
+    return [Strip.join(map(line, map(_fact_parts, pair), cells)) for pair in islice(shortened, max(height, 0))]
 
 
 def _fact_parts(fact: Fact) -> list[Part]:

@@ -9,7 +9,7 @@ from textual.reactive import reactive
 from textual.strip import Strip
 
 from gcs.tui.draw.strips import Part, clickable, line, width_of
-from gcs.tui.kept_lines import KeptLines
+from gcs.tui.kept_lines import KeptLines, PlainLines
 from gcs.tui.keys import Hint, hints_for, signs_in
 from gcs.tui.palette import ACCENT, FAINT, PANEL, ink
 from gcs.tui.themes import Colour
@@ -28,7 +28,7 @@ def _press(key: str) -> str:
     return f"app.simulate_key({key!r})"
 
 
-class KeyHints(KeptLines):
+class KeyHints(KeptLines, PlainLines):
     """Keys and words."""
 
     ALLOW_SELECT: ClassVar[bool] = False

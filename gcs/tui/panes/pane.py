@@ -13,16 +13,16 @@ from textual import events
 from textual.geometry import Region
 from textual.reactive import reactive
 from textual.strip import Strip
-from textual.widget import Widget
 
 from gcs.snapshot import Snapshot
 from gcs.tui.draw.strips import Part, blank, split_line, width_of
+from gcs.tui.kept_lines import PlainLines
 from gcs.tui.keys import PANE_HINTS
 from gcs.tui.palette import ACCENT, BRIGHT, HEAD, ink
 from gcs.tui.panes.key_hints import hint_parts
 
 
-class Pane(Widget, can_focus=True):
+class Pane(PlainLines, can_focus=True):
     """A panel of the screen; the app binds ``snapshot`` and what is picked to every pane."""
 
     ALLOW_SELECT: ClassVar[bool] = False
@@ -103,13 +103,6 @@ class Pane(Widget, can_focus=True):
     def render_line(self, y: int) -> Strip:
         """One row as it was last built."""
         return self._rows[y] if y < len(self._rows) else blank(self.size.width)
-
-    def render_lines(self, crop: Region) -> list[Strip]:
-        """Rows as they are; Textual would look for a border, padding and tints, which no pane has, in each of them."""
-        if self.get_line_filters():
-            return super().render_lines(crop)
-        left, right = crop.column_span
-        return [self.render_line(y).crop(left, right) for y in crop.line_range]
 
     def watch_snapshot(self) -> None:
         """Draw again when there is something new to show, soon or at once."""

@@ -17,7 +17,7 @@ from gcs.snapshot import HELD_SHOWN_S, Health, Snapshot
 from gcs.tui.draw.format import NOT_ANALYSED, age, clock, duration
 from gcs.tui.draw.map_canvas import STANDING_MARKS
 from gcs.tui.draw.strips import Part, clickable, split_line, width_of
-from gcs.tui.kept_lines import KeptLines
+from gcs.tui.kept_lines import KeptLines, PlainLines
 from gcs.tui.palette import ALARM, BRIGHT, FAINT, HEAD, INK, WARN, count_colour, ink
 from gcs.tui.panes.alarms import alarm_counts
 from gcs.tui.themes import Colour
@@ -58,7 +58,7 @@ class StatusSlot:
         return [*shown, (" " * max(gap, self.cells[room] - width_of(shown) + gap), ink(FAINT, HEAD))]
 
 
-class StatusBar(KeptLines):
+class StatusBar(KeptLines, PlainLines):
     """One row on top."""
 
     ALLOW_SELECT: ClassVar[bool] = False

@@ -15,9 +15,9 @@ from gcs.certainty import CONFIRMED
 from gcs.snapshot import Event
 from gcs.station import Gap, Timeline
 from gcs.tui.draw.format import clock, duration
-from gcs.tui.draw.moments import SIGNS, Moment, cell_of, cells_of
+from gcs.tui.draw.moments import NOT_ANALYSED, SIGNS, Moment, cell_of, cells_of
 from gcs.tui.draw.strips import Part, blank, clickable, fitted, line, width_of
-from gcs.tui.kept_lines import KeptLines
+from gcs.tui.kept_lines import KeptLines, PlainLines
 from gcs.tui.messages import SeekTo
 from gcs.tui.palette import ACCENT, ALARM, BRIGHT, FAINT, GOOD, HEAD, INK, LINE, WARN, ink
 from gcs.tui.themes import Colour
@@ -27,7 +27,6 @@ State = tuple[int, int, int, bool, float]
 """Start, stop, now, playing, speed."""
 Spans = tuple[tuple[int, int], ...]
 """First and last moment of each part of a recording."""
-NOT_ANALYSED = "┄"
 SHORTEST: Final = 8
 """Least length of a bar, cells; a shorter one is left out."""
 ROOMY_ROWS: Final = 30
@@ -37,7 +36,7 @@ MAX_BEHIND_US: Final = 2_000_000
 """Most that the screen may be away from the time that is told, at normal speed, before that is marked."""
 
 
-class TimelineBar(KeptLines):
+class TimelineBar(KeptLines, PlainLines):
     """Bar of a replay's time in one row, with a second row while a vehicle is picked; a click seeks."""
 
     ALLOW_SELECT: ClassVar[bool] = False

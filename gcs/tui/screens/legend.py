@@ -10,6 +10,7 @@ from gcs.snapshot import Standing
 from gcs.tui.draw.freshness import GONE_S
 from gcs.tui.draw.map_canvas import BOX_MARK, STANDING_MARKS, UAV_MARK
 from gcs.tui.draw.map_lines import CURSOR_MARK, HOME_MARK, PICK_MARKS
+from gcs.tui.draw.moments import NOT_ANALYSED as NOT_ANALYSED_SIGN
 from gcs.tui.draw.moments import SIGNS as MOMENT_SIGNS
 from gcs.tui.palette import ACCENT, ALARM, BRIGHT, FAINT, INK, LINE, WARN, standing_colour
 from gcs.tui.themes import Colour
@@ -63,13 +64,21 @@ LEGEND: Final[list[tuple[str, list[tuple[str, Colour, str]]]]] = [
             (" ".join((CURSOR_MARK, *PICK_MARKS)), BRIGHT, "the ruler's cursor, and what it measures from and to"),
         ],
     ),
-    ("Time line", [(sign, INK, kind) for kind, sign in MOMENT_SIGNS.items()]),
+    (
+        "Time line",
+        [
+            *((sign, INK, kind) for kind, sign in MOMENT_SIGNS.items()),
+            (NOT_ANALYSED_SIGN, FAINT, "not analysed yet"),
+            ("…", WARN, "before the time: the screen still shows another moment"),
+        ],
+    ),
     (
         "Values and alarms",
         [
             ("!! ALARM", ALARM, "a name may be wrong, or a vehicle or the recording may be lost"),
             ("!  WARN", WARN, "something that will need you"),
             ("faint", FAINT, f"older than {SILENT_S:g} s, with its age where there is room"),
+            ("…", INK, "more, for which there is no room: z shows the pane on the whole screen"),
             ("–", FAINT, f"unknown, or older than {GONE_S:g} s"),
         ],
     ),

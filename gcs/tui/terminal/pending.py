@@ -49,8 +49,10 @@ class PendingCells:
 
     def take(self, room: int, console: Console) -> str:
         """Control sequences for about ``room`` bytes of it, at least one piece; empty when nothing waits."""
-        text = [place for place, strip in self._pieces.items() if not _is_picture(strip)]
-        picture = [place for place, strip in self._pieces.items() if _is_picture(strip)]
+        text: list[tuple[int, int]] = []
+        picture: list[tuple[int, int]] = []
+        for place, strip in self._pieces.items():
+            (picture if _is_picture(strip) else text).append(place)
         parts: list[str] = []
         size = 0
         for places, limit in ((text, int(room * TEXT_SHARE) if picture else room), (picture, room), (text, room)):

@@ -19,15 +19,31 @@ from tests.support.command_line import help_pages, run_gcs
 HEAVY = ("numpy", "pyarrow", "fsspec", "distributed", "cv2", "av", "onnxruntime", "textual", "pymavlink", "scipy")
 
 
-def test_help_names_every_command_and_loads_none():
-    script = "import sys\nfrom gcs.cli.app import main\ntry: main()\nexcept SystemExit: pass\nprint(*sys.modules)"
-    done = subprocess.run(
-        [sys.executable, "-c", script, "--help"], capture_output=True, text=True, check=True, timeout=60
-    )
+def run_and_list_modules(script, *words):
+    """What a script prints in a process of its own, and the modules that are loaded at its end."""
+    code = f"import sys\ntry:\n {script}\nexcept SystemExit: pass\nprint(*sys.modules)"
+    done = subprocess.run([sys.executable, "-c", code, *words], capture_output=True, text=True, check=True, timeout=60)
     text, _, modules = done.stdout.rstrip().rpartition("\n")
+    return text, set(modules.split())
+
+
+def test_help_names_every_command_and_loads_none():
+    text, modules = run_and_list_modules("from gcs.cli.app import main; main()", "--help")
     assert "\n  fly " in text
     assert "\n  keys " in text
-    assert not set(HEAVY) & set(modules.split())
+    assert not modules & set(HEAVY)
+
+
+def test_help_on_replay_loads_nothing_that_replays():
+    text, modules = run_and_list_modules("from gcs.cli.app import main; main()", "replay", "--help")
+    assert "\n  --publish URL" in text
+    assert not modules & set(HEAVY)
+
+
+def test_the_screens_of_a_recording_come_before_all_that_only_its_fold_needs():
+    _, modules = run_and_list_modules("import gcs.playback.replay, gcs.tui")
+    assert "textual" in modules
+    assert not modules & {"scipy", "pyproj", "onnxruntime", "serial", "gcs.flight", "gcs.fold.naming"}
 
 
 @pytest.mark.parametrize(

@@ -90,11 +90,11 @@ def test_a_receiver_sees_boxes_and_names_without_b_frames(scheme, tmp_path):
 def test_what_a_receiver_of_rtp_needs_is_written_once_and_nothing_is_written_over(tmp_path):
     station, url = Station(), parse_stream_url(f"rtp://127.0.0.1:{free_port()}")
     path = tmp_path / f"flight-{url.port}.sdp"
-    with publishing(station, [url], SOURCE, tmp_path):
+    with publishing(station, [url], SOURCE.name, tmp_path):
         assert path.read_bytes() == sdp(url).encode()
     assert station.said == [("info", f"{url.text}: receivers open {path}")]
     path.write_text("mine")
-    with publishing(station, [url], SOURCE, tmp_path):
+    with publishing(station, [url], SOURCE.name, tmp_path):
         level, text = station.said[-1]
     assert (level, path.read_text()) == ("warning", "mine")
     assert f"{path} is not written" in text

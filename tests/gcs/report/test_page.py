@@ -13,6 +13,7 @@ from gcs.mission.mission import Mission, MissionVehicle
 from gcs.playback.as_flown import FlownReports
 from gcs.report.page.flight_report import Provenance, flight_report
 from gcs.report.page.flight_summary import FlightSummary
+from gcs.report.page.html import card, whole_words
 from gcs.report.page.map_drawing import draw_map
 from gcs.report.page.stills import MAX_STILLS, Stills
 from gcs.report.page.timeline import draw_sources
@@ -175,13 +176,13 @@ def test_means_are_of_every_box_however_long_the_flight():
     assert "mean 2.00 m, most 5.00 m" in check_alone(report(near_and_far)).text
 
 
-def test_times_of_first_names_are_counted_once_from_the_first_frame():
+def test_times_of_first_names_are_counted_as_all_others_from_the_begin_of_the_flight():
     before = (replace(snapshot(k), seen_us=0) for k in range(30))
     named = (
         snapshot(30 + k, boxes=[replace(box(1, 2), confidence=0.7 if k < 5 else 0.95)] * (k >= 2)) for k in range(9)
     )
     text = check_alone(report((*before, *named))).text
-    assert "first named 0.2 s" in text and "first confirmed 0.5 s" in text
+    assert "first named 0:03.2" in text and "first confirmed 0:03.5" in text
 
 
 def test_names_on_the_map_stand_apart_where_tracks_end_together():
@@ -234,7 +235,14 @@ def test_what_is_asked_first_is_said_first(seen, told, besides):
 def test_two_alarms_at_once_doubt_a_name_no_longer_than_one():
     first, second = (replace(DOUBT, key=key, since_us=snapshot(k).t_us) for key, k in (("a", 1), ("b", 4)))
     flown = [replace(snapshot(k), alarms=(first,) * (1 <= k <= 6) + (second,) * (4 <= k <= 8)) for k in range(9)]
-    assert "Alpha: its name in doubt for 0.7 s" in first_screen(check_alone(report(flown)))
+    assert "Alpha: its name in doubt for 0:00.7" in first_screen(check_alone(report(flown)))
+
+
+def test_a_name_with_a_hyphen_is_never_broken_at_it():
+    assert card("Who", ("1", "named"), [("confirmed: UGV-2, <UGV>-11", "")]).count('<span class="whole">') == 2
+    assert whole_words("a – b, c") == "a – b, c"
+    assert '<span class="whole">&lt;UGV&gt;-11</span>' in whole_words("of <UGV>-11")
+    assert "span" not in whole_words("a-" * 20), "it may be wider than a phone"
 
 
 def test_a_name_holds_until_the_next_look_and_a_second_at_most():

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from gcs.tui import playback
 from gcs.tui.draw.braille import BrailleCanvas
 from gcs.tui.draw.cell_grid import CellGrid
-from gcs.tui.draw.format import age, clock, degrees, duration, metres, position
+from gcs.tui.draw.format import age, clock, degrees, duration, metres, number, position
 from gcs.tui.draw.ground_view import map_view_of, points_of, scale_bar, step_scale
 from gcs.tui.draw.map_canvas import chart_cells
 from gcs.tui.draw.mosaic import HALF, Mosaic, fit
@@ -268,3 +268,7 @@ def test_a_map_never_takes_rows_of_a_table_that_has_too_few(width, height):
     assert many["fleet"][3] == min(42, height - 6)
     assert "map" in arranged(width, height, LayoutState(fleet_rows=41, layout=2))
     assert arranged(width, height, LayoutState(fleet_rows=41, maximised="map"))["map"][3] == height
+
+
+def test_a_height_of_nothing_has_no_sign():
+    assert (number(-0.3, "m", 0), number(-0.04, "m"), number(-0.6, "m", 0)) == ("0 m", "0.0 m", "-1 m")

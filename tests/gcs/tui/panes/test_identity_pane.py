@@ -13,9 +13,10 @@ from gcs.snapshot import Alarm, Candidate
 from gcs.tui.draw.format import standing_of_row
 from gcs.tui.draw.mosaic import fit
 from gcs.tui.framing import frame_for
+from gcs.tui.palette import INK
 from gcs.tui.panes.advice import UNHEARD, what_to_do
 from gcs.tui.panes.fleet import FleetPane
-from gcs.tui.panes.identity import IdentityPane, expected_place
+from gcs.tui.panes.identity import IdentityPane, _columns, expected_place
 from gcs.tui.panes.video import VideoPane
 from mavlink.state import VehicleCondition
 from tests.support.fake_station import WIDE, FakeStation, make_snapshot, polled, running, text_of
@@ -332,3 +333,11 @@ async def test_while_nothing_is_picked_the_card_tells_who_is_not_named_and_why()
         await polled(app, pilot)
         said = text_of(app.query_one(IdentityPane))
         assert "UGV-25" in said and "UGV-26" not in said and "and 4 more" in said
+
+
+def test_of_two_columns_of_facts_none_runs_into_the_other():
+    facts = [("refused", "10 altitude, far from the rest", INK), ("loss", "0%", INK), ("from the UAV", "9.1 m", INK)]
+    rows = [strip.text for strip in _columns(facts, 64, 2)]
+    assert [len(row) for row in rows] == [64, 64]
+    assert "10 altitude, … " in rows[0] and rows[0].split("…")[1].split() == ["from", "the", "UAV", "9.1", "m"]
+    assert rows[1].split() == ["loss", "0%"]

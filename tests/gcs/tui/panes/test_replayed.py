@@ -104,3 +104,14 @@ async def test_events_are_marked_too_also_when_that_turns_out_later(reported, be
         rows = text_of(app.query_one(EventPane)).splitlines()
         assert any(f" {before}track 2 is lost" in row for row in rows)
         assert sum("then" in row or "recomputed" in row for row in rows) == bool(reported)
+
+
+async def test_the_log_shows_the_event_that_was_jumped_to_between_two_frames():
+    async with running(FakeStation(), WIDE) as (app, pilot, station):
+        at_us = station.snapshot.now_us + 40_000
+        station.said.append(Event(t_us=at_us, level="info", kind="text", text="the next frame is yet to come"))
+        await polled(app, pilot)
+        assert "is yet to come" not in text_of(app.query_one(EventPane))
+        station.timeline.seek(at_us)
+        await polled(app, pilot)
+        assert "is yet to come" in text_of(app.query_one(EventPane))
