@@ -31,6 +31,8 @@ ComplexArray = NDArray[np.complex128]
 WHITE_STD_M = np.array([0.03, 0.06, 0.1, 0.18, 0.32, 0.51, 0.81, 1.2, 2.0, 3.0, 4.5, 7.0])
 """(G,) candidates of the noise of a sample about its vehicle's motion, metres: RTK to coarse coordinates."""
 
+_SMOOTHED_INDEX = 4
+"""Index of the least of them, 0.32 m, where reports are known to be smoother than they are precise."""
 _ACCELERATION_PSD = 1.0
 """Power spectral density of the null model's white acceleration, m²/s³."""
 _SPEED_STD_MPS = 5.0
@@ -178,6 +180,7 @@ class ReportLog:
         """Samples without and with the newest one."""
         self._outliers: dict[tuple[int, float], BoolArray] = {}
         """(G,) for which candidates a sample, by vehicle and time, is an outlier."""
+        self._smoothed = False
         self.white_index: int
         """Index in ``WHITE_STD_M`` of the samples' noise."""
         self._learn_noise()
@@ -189,7 +192,17 @@ class ReportLog:
         """
         log_p = self._now.score.sum(axis=0) + _LOG_PRIOR_STD
         p = np.exp(log_p - log_p.max())
-        self.white_index = int(np.abs(_LOG_WHITE_VAR - np.log(p @ _WHITE_VAR / p.sum())).argmin())
+        nearest = int(np.abs(_LOG_WHITE_VAR - np.log(p @ _WHITE_VAR / p.sum())).argmin())
+        self.white_index = max(nearest, _SMOOTHED_INDEX) if self._smoothed else nearest
+
+    def take_for_smoothed(self) -> None:
+        """Hold reports to be no more precise than 0.32 m from now on, however smooth they are.
+
+        Trackers that smooth are behind in every turn: what their own past foresees so well no box confirms, and every
+        right pair would lose by it.
+        """
+        self._smoothed = True
+        self._learn_noise()
 
     @property
     def white_std_m(self) -> float:
@@ -278,6 +291,7 @@ class ReportLog:
         anew = ReportLog(self.n_vehicles, self._window_s)
         for name in ("last_t", "last_p", "last_v", "last_heading", "first_t", "frozen", "too_uncertain"):
             setattr(anew, name, getattr(self, name).copy())
+        anew._smoothed = self._smoothed
         return anew
 
     def of_vehicles(self, rows: IntArray) -> ReportLog:
@@ -295,6 +309,7 @@ class ReportLog:
             _set_rows(past.state, to, _rows(before.state, by))
             _set_rows(past.earlier, to, _rows(before.earlier, by))
             past.score[to], past.t[to] = before.score[by], before.t[by]
+        anew._smoothed = self._smoothed
         anew._learn_noise()
         for each in fields(Samples):
             getattr(anew._open, each.name)[to] = getattr(self._open, each.name)[by]

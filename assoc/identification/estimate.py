@@ -67,6 +67,8 @@ _LONGEST_AGE_S = 1e3
 """Upper limit of a report's age, seconds, so that a report never received gives a finite variance."""
 _FAST_TAU_S = 2.5
 """Correlation time of errors that wander too fast for their course to tell anything, seconds."""
+_SMOOTHED_S = 3.0
+"""Time without a fit after which reports are taken for smoother than they are precise, seconds."""
 _OTHER_EVERY = 3
 """Updates from one look at the course to the next, while vehicles are compared by place alone."""
 
@@ -122,6 +124,7 @@ class Estimator:
         """True: the best hypothesis has the height that another source gives."""
         self._lock = SearchLock(params.lock)
         self.fit, self.gross = FleetFit(proves=not by_place), GrossErrors()
+        self._unfit_since_s = np.inf
         self._strangers, self._steady = StrangerLimit(), SteadyAnswers(params.threshold)
         # vehicle of each certainly named track, by column: live tracks, and ended ones that still constrain the pose
         self._confident: dict[int, int] = {}
@@ -257,6 +260,9 @@ class Estimator:
         elsewhere = self._co_visibility.elsewhere(live)
         told = Doubted.of(mixed_marginals(found, share, context, free, elsewhere))
         self.fit.update(t, context, best, steady=camera.attitude_known and camera.stabilized)
+        self._unfit_since_s = np.inf if self.fit.fits else min(self._unfit_since_s, t)
+        if t - self._unfit_since_s > _SMOOTHED_S:
+            self._log.take_for_smoothed()
         stated = self._stated.among(history.track_id[live])
         told = told.after(AnswerDoubt.FIT, self.fit.limited(told.p, stated))
         places = self._places(live, camera)
