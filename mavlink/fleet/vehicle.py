@@ -250,9 +250,9 @@ class Vehicle:
             yield self._notice(sample.t_us, level, text)
 
     def raw_position(self, sample: GpsRaw) -> GlobalPosition | None:
-        """The place that its receiver measured, dated by its arrival; None without a fix or where a better comes."""
+        """The place that its receiver measured, dated by its arrival; None without altitude or where a better comes."""
         used = self._sources.used
-        if sample.fix_type < FIX_2D or (used is not None and not used.raw):
+        if sample.fix_type <= FIX_2D or (used is not None and not used.raw):
             return None
         return GlobalPosition(
             *(sample.t_us, sample.system_id, sample.component_id),

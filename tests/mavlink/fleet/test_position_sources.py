@@ -16,10 +16,10 @@ FIRST_S, LAST_S = 8, 20
 class Bridge:
     """A rover whose autopilot sends heartbeats and attitudes, and whose places somebody else sends."""
 
-    def __init__(self, *, component_id=1, boot_ms=None, raw=False, rate_hz=5):
+    def __init__(self, *, component_id=1, boot_ms=None, raw=False, rate_hz=5, fix_type=3):
         self.world = World(rovers=2, origin=FIELD)
         self.sender = MessageEncoder(11, component_id)
-        self.component_id, self.boot_ms, self.raw, self.rate_hz = component_id, boot_ms, raw, rate_hz
+        self.boot_ms, self.raw, self.rate_hz, self.fix_type = boot_ms, raw, rate_hz, fix_type
 
     def place(self, t_us, north_m=0.0):
         """One report, ``north_m`` beside the truth."""
@@ -30,7 +30,7 @@ class Bridge:
         if self.raw:
             place = round(lat * 1e7), round(lon * 1e7), round(alt * 1e3)
             message = ardupilotmega.MAVLink_gps_raw_int_message(
-                own_ms * 1000, 3, *place, 80, 100, round(SPEED * 100), 0, 17, h_acc=300
+                own_ms * 1000, self.fix_type, *place, 80, 100, round(SPEED * 100), 0, 17, h_acc=300
             )
             frame = self.sender.pack(message)
         else:
@@ -113,6 +113,12 @@ def test_a_receiver_is_used_where_nothing_else_reports_a_place():
     assert bridge.texts() == []
     state = bridge.world.fleet.at(T0 + LAST_S * S)
     assert math.isclose(state.std_m[0], 0.3, rel_tol=0.2) and state.vehicles[1].fix == "3D"
+
+
+def test_a_receiver_without_a_full_fix_tells_no_place():
+    bridge = Bridge(raw=True, fix_type=2)
+    with pytest.raises(AssertionError, match="no position"):
+        bridge.run()
 
 
 def test_another_sender_that_counts_otherwise_is_still_found_out():
