@@ -547,7 +547,7 @@ class Vehicle:
         )
 
     def _receiver(self, t_us: int) -> GpsRaw | None:
-        """What was last reported of the receiver that its positions come from, else of its autopilot's."""
+        """The last report of the receiver that its positions come from, else of its autopilot's."""
         used = self._sources.used
         gps = self._receivers.of_component(t_us, used.component_id) if used is not None else None
         return gps or self._receivers.of_component(t_us, self._components.autopilot)
