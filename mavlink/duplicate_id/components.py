@@ -24,7 +24,7 @@ waits for that."""
 _ALIVE_US = 3_000_000
 """A component that was received this lately is alive: three heartbeats."""
 _NEVER_US = -(1 << 62)
-_PATIENCE_US = 5_000_000
+_PATIENCE_US = 3_000_000
 """Time that a second-best source of places has reported before it is used: the best one may report rarely."""
 _MAX_SOURCES = 16
 """Sources of places remembered, so that a flood of forged components costs no memory."""

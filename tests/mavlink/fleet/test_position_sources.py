@@ -9,7 +9,7 @@ from pymavlink.dialects.v20 import ardupilotmega
 from tests.support.flights import FIELD, ROVER, SPEED, T0, S, World
 from tests.support.frames import MessageEncoder
 
-FIRST_S, LAST_S = 8, 20
+FIRST_S, LAST_S = 6, 20
 """Seconds from which places have to come, and for which they do."""
 
 
