@@ -32,7 +32,7 @@ WHITE_STD_M = np.array([0.03, 0.06, 0.1, 0.18, 0.32, 0.51, 0.81, 1.2, 2.0, 3.0, 
 """(G,) candidates of the noise of a sample about its vehicle's motion, metres: RTK to coarse coordinates."""
 
 _SMOOTHED_INDEX = 4
-"""Index of the least of them, 0.32 m, where reports are known to be smoother than they are precise."""
+"""Index in ``WHITE_STD_M`` of the least noise, 0.32 m, that is assumed of trackers that smooth."""
 _ACCELERATION_PSD = 1.0
 """Power spectral density of the null model's white acceleration, m²/s³."""
 _SPEED_STD_MPS = 5.0
@@ -181,6 +181,7 @@ class ReportLog:
         self._outliers: dict[tuple[int, float], BoolArray] = {}
         """(G,) for which candidates a sample, by vehicle and time, is an outlier."""
         self._smoothed = False
+        """True if the reports are smoother than they are precise."""
         self.white_index: int
         """Index in ``WHITE_STD_M`` of the samples' noise."""
         self._learn_noise()

@@ -117,7 +117,6 @@ def mast_camera(film: ImportedFilm, camera: Camera, options: CameraOptions) -> C
 
 def _intrinsics(film: ImportedFilm, uav: VehicleLog | None, options: CameraOptions) -> tuple[Intrinsics | None, str]:
     size = film.width, film.height
-    longer = " across the longer side" if film.height > film.width else ""
     if options.lens is not None:
         return _lens_of(options.lens, film), f"lens file {options.lens.name}"
     if options.fov_deg is not None:
@@ -129,22 +128,16 @@ def _intrinsics(film: ImportedFilm, uav: VehicleLog | None, options: CameraOptio
             raise ImportFileError(
                 f"--camera {options.model}: not known; known are {', '.join(CAMERAS)}; else give --fov"
             )
-        return _of_longer_side(size, math.radians(known.hfov_deg)), (
-            f"{known.hfov_deg:.1f}°{longer} of {known.name}: {known.source}"
-        )
+        return _of_longer_side(film, math.radians(known.hfov_deg), f"of {known.name}: {known.source}")
     if uav is not None and len(uav.view):
-        hfov = float(uav.view.hfov[0])
-        return _of_longer_side(size, hfov), f"{math.degrees(hfov):.1f}°{longer} by the {uav.view.source}"
+        return _of_longer_side(film, float(uav.view.hfov[0]), f"by the {uav.view.source}")
     known = camera_model(film.model) if film.model else None
     if known is None or not known.shows_all(*size):
         there = [f"its container says {film.model}"] if film.model else []
         there += [uav.view.source] if uav is not None and uav.view.source else []
         words = f" ({'; '.join(there)})" if there else ""
         return None, f"nothing tells its field of view{words}: {_SEARCHED}; else --fov, --camera or --lens"
-    hfov_deg = known.hfov_deg
-    return _of_longer_side(size, math.radians(hfov_deg)), (
-        f"{hfov_deg:.1f}°{longer} of {known.name}, by the video: {known.source}"
-    )
+    return _of_longer_side(film, math.radians(known.hfov_deg), f"of {known.name}, by the video: {known.source}")
 
 
 def _lens_of(path: Path, film: ImportedFilm) -> Intrinsics:
@@ -155,10 +148,15 @@ def _lens_of(path: Path, film: ImportedFilm) -> Intrinsics:
     return resized(lens, film.width, film.height, drawn_out=drawn_out)
 
 
-def _of_longer_side(size: tuple[int, int], fov: float) -> Intrinsics:
-    """Return the lens by the angle across the longer side, as cameras are described: upright ones are turned."""
-    width, height = size
-    return from_field_of_view(*size, *((math.nan, fov) if height > width else (fov, math.nan)))[0]
+def _of_longer_side(film: ImportedFilm, fov: float, by: str) -> tuple[Intrinsics, str]:
+    """Return the lens by the angle across the longer side, as cameras are described: upright ones are turned.
+
+    Args:
+        by: what tells the angle.
+    """
+    upright = film.height > film.width
+    lens, _ = from_field_of_view(film.width, film.height, *((math.nan, fov) if upright else (fov, math.nan)))
+    return lens, f"{math.degrees(fov):.1f}°{' across the longer side' if upright else ''} {by}"
 
 
 def _direction(

@@ -19,7 +19,7 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 from gcs.importing.checks.plausible import MAX_M
 from gcs.importing.vehicle_log import AngleTrack, PlaceTrack, VehicleLog, ViewTrack, thinned, whole_places
 from mavlink.geodesy import quaternion_from_euler, wrap_pi
-from mavlink.protocol.encoder import COPTER, ROVER, MavlinkEncoder
+from mavlink.protocol.encoder import COPTER, GENERIC, ROVER, MavlinkEncoder
 
 Floats = NDArray[np.float64]
 TlogRecord = tuple[int, bytes]
@@ -33,7 +33,6 @@ _HEARTBEAT_US, _FIX_US, _VIEW_US = 1_000_000, 500_000, 1_000_000
 """Intervals between messages of a kind."""
 _PLACE_US, _ANGLE_US = 45_000, 35_000
 """Samples closer together than this are thinned: interpolation makes up for them, and logs have hundreds a second."""
-_ARMED, _STATE_ACTIVE = 128, 4
 _FASTEST, _MAX_TURN = 300.0, 1e3
 """m/s and rad; more is a damaged number."""
 _UNKNOWN_COUNT, _UNKNOWN_PLACE = 255, 2**31 - 1
@@ -56,8 +55,9 @@ def vehicle_records(log: VehicleLog, system_id: int, shift_us: int, *, flies: bo
     tracks = [track.t_us for track in (log.places, log.attitudes, log.gimbal) if len(track)]
     first_us, last_us = min(int(t[0]) for t in tracks), max(int(t[-1]) for t in tracks)
     boot_us = first_us - _BOOTED_BEFORE_US
-    # of no known autopilot: modes, which are each one's own, are not told
-    beat = partial(_pack, dialect.MAVLink_heartbeat_message(COPTER if flies else ROVER, 0, _ARMED, 0, _STATE_ACTIVE, 3))
+    # modes are each autopilot's own: neither is told
+    kind = COPTER if flies else ROVER
+    beat = partial(MavlinkEncoder.heartbeat, kind=kind, autopilot=GENERIC, custom_mode=None)
     messages: list[tuple[int, Callable[[MavlinkEncoder], bytes]]] = [
         *((t_us, beat) for t_us in range(first_us, last_us + 1, _HEARTBEAT_US)),
         *_places(log.places, boot_us, home_m, flies=flies),

@@ -17,7 +17,10 @@ from gcs.importing.vehicle_log import VehicleLog
 _MIN_OVERLAP_US = 1_000_000
 _MOST_OF_FILM = 0.9
 """Share of the film that a log has to cover, or its gap is reported."""
-_ABOUT_US, _LONGER_US = 60_000_000, 2_000_000
+_ABOUT_US = 60_000_000
+"""Time beside a film, µs, within which reports are still about it."""
+_LONGER_US = 2_000_000
+"""Least time, µs, by which a log outlasts its film before that is told: recorders stop one after the other."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

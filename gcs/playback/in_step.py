@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Iterator, Mapping
-from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -107,13 +106,7 @@ class InStep:
     def __init__(self, tell: Callable[[int, str], None] = lambda t_us, text: None) -> None:
         self._tell = tell
         self._cameras: dict[int, _FoldedCamera] = {}
-
-    @cached_property
-    def _exchange(self) -> ViewExchange:
-        # it needs scipy, which the screens of a flight with one camera need not wait for
-        from gcs.fold.view_exchange import ViewExchange
-
-        return ViewExchange(self._heard)
+        self._exchange: ViewExchange | None = None
 
     def join(self, analysis: Analysis, *, followed: bool) -> str:
         """Add a camera.
@@ -128,9 +121,12 @@ class InStep:
         """Join a fold that begins at the start to the others; those that are not shown start again, too."""
         if len(self._cameras) == 1:
             return None
+        # it needs scipy, which the screens of a flight with one camera need not wait for
+        from gcs.fold.view_exchange import ViewExchange
+
         followed = {other: camera for other, camera in self._cameras.items() if camera.followed}
-        if followed:
-            self.__dict__.pop("_exchange", None)  # a new one
+        if followed or self._exchange is None:
+            self._exchange = ViewExchange(self._heard)
         for other, camera in followed.items():
             camera.begin(camera.analysis.folded(self._exchange.join(other)))
         return self._exchange.join(uav_id)
@@ -158,6 +154,7 @@ class InStep:
                 others[other].advance_to(of_frame)
             return heard
         t_us, before = own.taken_us(frame), {}
+        assert self._exchange is not None, "nobody but the exchange asks"
         for other, camera in others.items():
             camera.advance_before(t_us)
             before[other] = self._exchange.newest(other)

@@ -47,7 +47,7 @@ PERIOD_US = 200_000
 PARTS: Final = 1000
 """Parts of a recording: several for each cell of the widest screens."""
 UNSEEN_S = 2.0
-"""The analysis begins once somebody has a picture, or after this long: what it imports would hold the screen up."""
+"""Longest time, s, for which the analysis waits until a first picture was taken: its imports would hold that up."""
 HELD_US: Final = 2_000_000
 """A name counts for this long without another snapshot, as on the screen."""
 

@@ -17,6 +17,7 @@ from gcs.snapshot import NAN, Box, Health, Snapshot, VehicleRow
 from vision.video.video import VideoFile
 
 _SAME_US = 1_000_000
+"""Most, µs, by which the times of two records of the same frames may shift against each other."""
 
 
 def read_snapshots(

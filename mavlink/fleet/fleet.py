@@ -369,7 +369,7 @@ class Fleet:
         self, vehicle: Vehicle, sample: GlobalPosition, arrival: Arrival, *, raw: bool = False
     ) -> tuple[Notice, ...]:
         reason = vehicle.compare_place(sample, arrival)
-        if not vehicle.is_in_use(sample, arrival, raw=raw):
+        if not (vehicle.is_position_source(sample, raw=raw) and vehicle.is_in_time(arrival)):
             return vehicle.conflict_notices(sample.t_us)
         reading, notices = vehicle.learn_clock(sample, arrival)
         report = PositionReport(sample, arrival, reading)
@@ -506,7 +506,7 @@ def _add_heartbeat(vehicle: Vehicle, sample: Heartbeat, arrival: Arrival) -> Ite
 
 
 def _add_attitude(vehicle: Vehicle, sample: Attitude, arrival: Arrival) -> tuple[Notice, ...]:
-    if not vehicle.is_in_use(sample, arrival):
+    if not (vehicle.is_from_autopilot(sample) and vehicle.is_in_time(arrival)):
         return ()
     reading, notices = vehicle.learn_clock(sample, arrival)
     vehicle.add_attitude(sample, arrival, reading)

@@ -366,21 +366,26 @@ class Vehicle:
         self._duplicate_id.add_other_clock(t_us, sender, -early_us * 1e-6)
         return reading
 
-    def is_in_use(self, sample: Attitude | GlobalPosition, arrival: Arrival, *, raw: bool = False) -> bool:
-        """Tell whether a position or an attitude is the vehicle's now, and did not come over a late channel.
+    def is_from_autopilot(self, sample: Attitude | GlobalPosition) -> bool:
+        """Tell whether the component that sends it is the vehicle's autopilot."""
+        return self._note_component(sample.component_id, sample.t_us, heartbeat=False)
+
+    def is_position_source(self, sample: GlobalPosition, *, raw: bool) -> bool:
+        """Tell whether the vehicle's positions are taken from what sends this one.
 
         Args:
-            raw: a position of its receiver, not of its autopilot's filter.
+            raw: of its receiver, not of its autopilot's filter.
         """
-        used = self._note_component(sample.component_id, sample.t_us, heartbeat=False)
-        if isinstance(sample, GlobalPosition):
-            before = self._sources.used
-            used = self._sources.add(PositionSource(used, raw, sample.component_id), sample.t_us)
-            if before not in (None, self._sources.used):
-                self._other_clocks.clear()
-                self._drop_samples()
-        if not used:
-            return False
+        before = self._sources.used
+        source = PositionSource(self.is_from_autopilot(sample), raw, sample.component_id)
+        used = self._sources.add(source, sample.t_us)
+        if before not in (None, self._sources.used):
+            self._other_clocks.clear()
+            self._drop_samples()
+        return used
+
+    def is_in_time(self, arrival: Arrival) -> bool:
+        """Tell whether a report did not come over a late channel, and count it where it did."""
         if arrival.late:
             self.rejections.count("over a link that is seconds late")
         return not arrival.late

@@ -10,7 +10,7 @@ from pymavlink.dialects.v20 import ardupilotmega
 
 COPTER, ROVER, GCS = 2, 10, 6
 """MAV_TYPE values."""
-ARDUPILOT, NO_AUTOPILOT = 3, 8
+GENERIC, ARDUPILOT, NO_AUTOPILOT = 0, 3, 8
 """MAV_AUTOPILOT values."""
 
 _ARMED, _CUSTOM_MODE = 128, 1
@@ -49,13 +49,14 @@ class MavlinkEncoder:
         kind: int = ROVER,
         *,
         autopilot: int = ARDUPILOT,
-        custom_mode: int = 0,
+        custom_mode: int | None = 0,
         armed: bool = True,
         status: int = _STATE_ACTIVE,
     ) -> bytes:
-        """HEARTBEAT."""
-        base_mode = _CUSTOM_MODE | (_ARMED if armed else 0)
-        return self.pack(ardupilotmega.MAVLink_heartbeat_message(kind, autopilot, base_mode, custom_mode, status, 3))
+        """HEARTBEAT; without a custom mode where that is None."""
+        base_mode = (0 if custom_mode is None else _CUSTOM_MODE) | (_ARMED if armed else 0)
+        mode = custom_mode or 0
+        return self.pack(ardupilotmega.MAVLink_heartbeat_message(kind, autopilot, base_mode, mode, status, 3))
 
     def system_time(self, boot_ms: int, unix_us: int) -> bytes:
         """SYSTEM_TIME; unix_us 0 before the vehicle knows."""

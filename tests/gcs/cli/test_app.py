@@ -20,7 +20,7 @@ HEAVY = ("numpy", "pyarrow", "fsspec", "distributed", "cv2", "av", "onnxruntime"
 
 
 def run_and_list_modules(script, *words):
-    """What a script prints in a process of its own, and the modules that are loaded at its end."""
+    """Run a script in a process of its own; its output, and the modules that it has loaded by its end."""
     code = f"import sys\ntry:\n {script}\nexcept SystemExit: pass\nprint(*sys.modules)"
     done = subprocess.run([sys.executable, "-c", code, *words], capture_output=True, text=True, check=True, timeout=60)
     text, _, modules = done.stdout.rstrip().rpartition("\n")

@@ -10,7 +10,7 @@ from tests.support.flights import FIELD, ROVER, SPEED, T0, S, World
 from tests.support.frames import MessageEncoder
 
 FIRST_S, LAST_S = 6, 20
-"""Seconds from which places have to come, and for which they do."""
+"""Start of the time in which the rover has to have a place, and end of the flight, s."""
 
 
 class Bridge:
@@ -38,9 +38,9 @@ class Bridge:
             frame = self.sender.global_position_int(boot_ms, lat, lon, alt, 0.0, (SPEED, 0, 0), 0.0)
         self.world.feed(frame, t_us)
 
-    def run(self):
-        """Fly; return how far the rover's places are from the truth, m, from ``FIRST_S`` on."""
-        world, errors_m = self.world, []
+    def states(self):
+        """Fly; yield time and state from ``FIRST_S`` on."""
+        world = self.world
         for tick in range(LAST_S * 20):
             t_us = T0 + tick * 50_000
             for system_id in (1, 11):
@@ -52,10 +52,15 @@ class Bridge:
                 self.place(t_us)
             if tick % 20 == 0:
                 world.feed(world.speakers[11].heartbeat(ROVER, custom_mode=10), t_us)
-            state = world.fleet.at(t_us)
             if tick >= FIRST_S * 20:
-                assert state.valid[0], f"no position after {tick / 20:.2f} s"
-                errors_m.append(float(np.linalg.norm(state.p_enu[0] - world.rover_truth(11, t_us))))
+                yield t_us, world.fleet.at(t_us)
+
+    def run(self):
+        """Fly; return how far the rover's places are from the truth, m."""
+        errors_m = []
+        for t_us, state in self.states():
+            assert state.valid[0], f"no position after {(t_us - T0) / S:.2f} s"
+            errors_m.append(float(np.linalg.norm(state.p_enu[0] - self.world.rover_truth(11, t_us))))
         return errors_m
 
     def texts(self):
@@ -117,8 +122,7 @@ def test_a_receiver_is_used_where_nothing_else_reports_a_place():
 
 def test_a_receiver_without_a_full_fix_tells_no_place():
     bridge = Bridge(raw=True, fix_type=2)
-    with pytest.raises(AssertionError, match="no position"):
-        bridge.run()
+    assert not any(state.valid[0] for _, state in bridge.states())
 
 
 def test_another_sender_that_counts_otherwise_is_still_found_out():
